@@ -1,0 +1,35 @@
+"""The depth stage: a fragment's depth as its format stores it.
+
+depth32float keeps the float32. depth24unorm holds round(z · (2²⁴ − 1)), a whole number that float32 represents
+exactly, so both formats are compared as float32; the product is formed in float64, where it is exact.
+Source: WebGPU "depth test", OpenGL 4.6 section 2.3.5 (conversion to normalised fixed point).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from refsim.jit import func
+from refsim.pipeline.state import DepthStencilFormat
+
+F = np.float32
+F0 = np.float32(0)
+F1 = np.float32(1)
+HALF = np.float64(0.5)
+UNORM24 = np.float64(2**24 - 1)
+
+
+@func
+def stored_depth(depth_format, z):
+    """`z` clamped to [0, 1] (NaN becomes 0) in the units of `depth_format`; float32."""
+    z = z if z > F0 else F0
+    z = z if z < F1 else F1
+    return F(np.floor(np.float64(z) * UNORM24 + HALF)) if depth_format == DepthStencilFormat.DEPTH24UNORM_STENCIL8 else z
+
+
+def clear_value(depth_format: DepthStencilFormat, z: float) -> np.float32:
+    """The stored value of a clear to depth `z`; the NumPy twin of `stored_depth`."""
+    z32 = np.float32(min(max(z, 0.0), 1.0))
+    if depth_format == DepthStencilFormat.DEPTH24UNORM_STENCIL8:
+        return np.float32(np.floor(np.float64(z32) * UNORM24 + 0.5))
+    return z32

@@ -1,0 +1,256 @@
+"""`draw`: validate, then run the stages top to bottom. The only way anything is drawn.
+
+    vertex shader ─▶ clip, rectangles ─▶ bins ─▶ (early tests) ─▶ fragment shader ─▶ stencil ─▶ depth ─▶ targets
+
+Memory is bounded: primitives run in slices, and their bins in batches, of fixed size. Threads share slices of
+primitives in the vertex stage and bins of the screen in the fragment stage; every pixel sees its fragments in
+submission order, so the result does not depend on them.
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+
+from refsim.counters import Counters
+from refsim.errors import InputError
+from refsim.pipeline.fragment import (
+    COUNTS,
+    COVERED,
+    DEPTH_FAILED,
+    DISCARDED,
+    EARLY_DEPTH,
+    EARLY_STENCIL,
+    STENCIL_FAILED,
+    WRITTEN,
+)
+from refsim.pipeline.layout import plain, shape_of
+from refsim.pipeline.program import Program, program_of
+from refsim.pipeline.resources import Framebuffer, VertexBuffer
+from refsim.pipeline.state import DynamicState, Pipeline
+from refsim.pipeline.taps import FragmentRecorder, Taps, VertexTap, by_field, check_size
+from refsim.pipeline.validate import checked_draw
+
+SLICE_PRIMITIVES = 2**17
+SMALLEST_SLICE = 2**13
+BIN_ITEMS = 2**21
+LIST_BELOW = 16.0  # mean fragments a primitive; below it the fragment list is quicker than a packet
+
+Loop = Literal["auto", "dense", "list"]
+
+
+def default_threads() -> int:
+    """The processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@lru_cache(maxsize=8)
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="refsim")
+
+
+def _run_all(threads: int, tasks: list[Any]) -> list[Any]:
+    """Results of the tasks, in order; the kernels inside release the GIL."""
+    if threads == 1 or len(tasks) == 1:
+        return [task() for task in tasks]
+    return [future.result() for future in [_pool(threads).submit(task) for task in tasks]]
+
+
+class _Slice:
+    """Primitives [first, first + count) after the vertex stage: survivors, and what became of the rest."""
+
+    def __init__(self, program: Program, first: int, count: int) -> None:
+        self.first, self.count = first, count
+        self.rect = np.empty((count, 4), np.int32)
+        self.depth = np.empty(count, np.float32)
+        self.source = np.empty(count, np.int64)
+        self.floats = np.empty((count, program.varyings.floats), np.float32)
+        self.ints = np.empty((count, program.varyings.ints), np.int32)
+        self.fates = np.zeros(4, np.int64)
+        self.kept = 0
+
+    def mean_area(self) -> float:
+        """Mean number of pixels a survivor covers."""
+        rect = self.rect[: self.kept].astype(np.int64)
+        return float(((rect[:, 2] - rect[:, 0]) * (rect[:, 3] - rect[:, 1])).mean())
+
+
+def draw(
+    pipeline: Pipeline,
+    *,
+    framebuffer: Framebuffer,
+    counters: Counters,
+    vertices: VertexBuffer | tuple[VertexBuffer, ...] = (),
+    uniforms: Any = None,
+    textures: Any = None,
+    indices: np.ndarray | None = None,
+    instances: int = 1,
+    vertex_count: int | None = None,
+    dynamic: DynamicState | None = None,
+    taps: Taps | None = None,
+    threads: int | None = None,
+    loop: Loop = "auto",
+) -> None:
+    """Draws into `framebuffer` and adds to `counters`.
+
+    `vertices`: one buffer per layout of the pipeline's vertex state. `indices` int[n] select vertices of the
+    per-vertex buffers; without them vertices run in order (`vertex_count` of them; default: all, or 1 without a
+    per-vertex buffer), `instances` times. `uniforms` and `textures` are NamedTuples of scalars, tuples and arrays
+    (a texture: `refsim.pipeline.resources.Texture`). `loop` forces one of the two fragment loops, which give the same
+    bits. Raises `InputError` naming the field that does not fit, before anything is drawn.
+    """
+    call = checked_draw(
+        pipeline, framebuffer, vertices, textures, indices, instances, vertex_count, dynamic or DynamicState(), loop
+    )
+    threads = _checked_threads(threads)
+    program = program_of(pipeline, shape_of(uniforms), shape_of(textures), indices is not None)
+    arguments = (plain(uniforms), plain(textures))
+    counters.add("draw.calls", 1)
+    counters.add("vertex.invocations", call.vertex_count * instances)
+    recorder = None
+    if taps is not None and taps.wants("vertex"):
+        taps.vertex.append(_tap_vertices(program, arguments, call, instances))
+    if taps is not None and taps.wants("fragment"):
+        recorder = FragmentRecorder(pipeline.label, program.outputs)
+
+    primitives = call.vertex_count // program.corners * instances
+    counters.add("raster.primitives", primitives)
+    counts = np.zeros(COUNTS, np.int64)
+    size = min(max(-(-primitives // threads), SMALLEST_SLICE), SLICE_PRIMITIVES)
+    for first in range(0, primitives, size * threads):
+        starts = range(first, min(first + size * threads, primitives), size)
+        slices = [_Slice(program, start, min(size, primitives - start)) for start in starts]
+        _run_all(threads, [lambda part=part: _run_front_end(program, arguments, call, part) for part in slices])
+        for part in slices:
+            _add_primitive_fates(counters, part)
+            if part.kept:
+                _run_fragments(program, arguments, call, part, threads, counts, recorder, loop)
+    _add_fragment_fates(counters, counts)
+    if recorder is not None and taps is not None:
+        taps.fragment.append(recorder.record())
+
+
+def _checked_threads(threads: int | None) -> int:
+    if threads is None:
+        return default_threads()
+    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or not 1 <= threads <= 1024:
+        raise InputError(f"threads must be a whole number from 1 to 1024, not {threads!r}.")
+    return int(threads)
+
+
+def _run_front_end(program: Program, arguments: Any, call: Any, part: _Slice) -> None:
+    part.kept = program.front_end(
+        *arguments, call.buffers, call.indices, call.vertex_count, part.first, part.count,
+        call.viewport, call.bounds, part.rect, part.depth, part.source, part.floats, part.ints, part.fates,
+    )  # fmt: skip
+
+
+def _bin_shape(part: _Slice, framebuffer: Framebuffer, threads: int) -> tuple[int, int]:
+    """log2 of a bin's width and height: about a primitive's size, and enough bins for the threads."""
+    log2 = int(np.clip(np.rint(np.log2(max(part.mean_area(), 1.0)) / 2), 3, 5))
+    while log2 > 2 and -(-framebuffer.width >> log2) * -(-framebuffer.height >> log2) < 4 * threads:
+        log2 -= 1
+    return log2, log2
+
+
+def _run_fragments(
+    program: Program,
+    arguments: Any,
+    call: Any,
+    part: _Slice,
+    threads: int,
+    counts: np.ndarray,
+    recorder: FragmentRecorder | None,
+    loop: Loop,
+) -> None:
+    """Bins the survivors, in batches that fit, and runs the fragment stage over the bins."""
+    framebuffer = call.framebuffer
+    shape = _bin_shape(part, framebuffer, threads)
+    bins_x = -(-framebuffer.width // (1 << shape[0]))
+    bins = bins_x * -(-framebuffer.height // (1 << shape[1]))
+    start = np.empty(bins + 2, np.int64)
+    items = np.empty(max(min(BIN_ITEMS, part.kept * bins), bins), np.int32)
+    listed = loop == "list" or (loop == "auto" and part.mean_area() < LIST_BELOW)
+    primitives = (part.rect, part.depth, part.floats, part.ints)
+    target = (framebuffer.floats, framebuffer.ints, framebuffer.depth, framebuffer.stencil, framebuffer.invocations)
+    fixed = (*arguments, call.stencil_values, primitives)
+    images = (shape, call.input_floats, call.input_ints, target)
+    first = 0
+    while first < part.kept:
+        first = program.bin_primitives(part.rect, first, part.kept, *shape, bins_x, start, items)
+        tap = _NO_TAP
+        kernel: Any = program.listed if listed else program.dense
+        if recorder is not None:
+            offset = np.zeros(bins, np.int64)
+            count = program.count_fragments(part.rect, (start, items, 0, bins, bins_x), shape, offset)
+            tap = (offset, *recorder.columns(count))
+            kernel = program.tapped
+        tail = (tap,) if listed or recorder is not None else ()
+
+        def task(group: tuple[int, int], kernel: Any = kernel, tail: Any = tail) -> np.ndarray:
+            local = np.zeros(COUNTS, np.int64)
+            kernel(*fixed, (start, items, *group, bins_x), *images, local, *tail)
+            return local
+
+        groups = _groups(start, bins, threads)
+        for local in _run_all(threads, [lambda group=group: task(group) for group in groups]):
+            counts += local
+        if recorder is not None:
+            recorder.add(part.source, tap[1:])
+
+
+_NO_TAP: tuple[np.ndarray, ...] = (
+    np.zeros(1, np.int64),
+    np.zeros(1, np.int32),
+    np.zeros((2, 1), np.int32),
+    np.zeros(1, np.int32),
+    np.zeros(1, np.float32),
+    np.zeros((1, 1), np.float32),
+    np.zeros((1, 1), np.int32),
+)
+
+
+def _groups(start: np.ndarray, bins: int, threads: int) -> list[tuple[int, int]]:
+    """Runs of neighbouring bins of about equal work, a few for each thread."""
+    if threads == 1:
+        return [(0, bins)]
+    edges = np.linspace(0, start[bins], 8 * threads + 1)
+    cuts = np.unique(np.concatenate(([0], np.searchsorted(start[: bins + 1], edges[1:-1]), [bins])))
+    return [(int(a), int(b)) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+
+
+def _add_primitive_fates(counters: Counters, part: _Slice) -> None:
+    drawn, clipped, empty, crooked = (int(fate) for fate in part.fates)
+    if crooked:
+        raise InputError(f"{crooked} quads are not axis-aligned rectangles of the screen; quad-list draws only those.")
+    counters.add("raster.drawn", drawn)
+    counters.add("raster.clipped", clipped)
+    counters.add("raster.empty", empty)
+
+
+def _add_fragment_fates(counters: Counters, counts: np.ndarray) -> None:
+    counters.add("raster.fragments", counts[COVERED])
+    counters.add("stencil.failed_early", counts[EARLY_STENCIL])
+    counters.add("depth.failed_early", counts[EARLY_DEPTH])
+    counters.add("fragment.invocations", counts[COVERED] - counts[EARLY_STENCIL] - counts[EARLY_DEPTH])
+    counters.add("fragment.discarded", counts[DISCARDED])
+    counters.add("stencil.failed", counts[STENCIL_FAILED])
+    counters.add("depth.failed", counts[DEPTH_FAILED])
+    counters.add("fragment.written", counts[WRITTEN])
+
+
+def _tap_vertices(program: Program, arguments: Any, call: Any, instances: int) -> VertexTap:
+    count = call.vertex_count * instances
+    check_size(program.pipeline.label, count)
+    position, size = np.empty((4, count), np.float32), np.empty(count, np.float32)
+    floats = np.empty((count, program.varyings.floats), np.float32)
+    ints = np.empty((count, program.varyings.ints), np.int32)
+    program.vertex_tap(
+        *arguments, call.buffers, call.indices, call.vertex_count, 0, count, position, size, floats, ints
+    )
+    varyings = by_field(program.varyings, floats.T, ints.T)
+    return VertexTap(program.pipeline.label, np.ascontiguousarray(position.T), size, varyings)

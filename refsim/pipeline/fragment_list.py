@@ -1,0 +1,164 @@
+"""The loop over fragment lists, for primitives of a few pixels, and the fragment tap.
+
+Fragments are listed in submission order, shaded in packets (order does not matter there, shaders are pure), then
+tested and written one after the other. The same `shade` and `resolve` as in the dense loop, so the same bits. With
+TAP on, every fragment's fate, depth and outputs are copied out as well.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from refsim.jit import func
+from refsim.pipeline.fragment import (
+    COUNTS,
+    DEPTH_FAILED,
+    DISCARDED,
+    EARLY_DEPTH,
+    EARLY_STENCIL,
+    PACKET,
+    STENCIL_FAILED,
+    STENCIL_MASK,
+    STENCIL_OFF,
+    WRITTEN,
+    StencilValues,
+    add_fates,
+    resolve,
+    shade,
+    stages,
+)
+from refsim.pipeline.stencil import stencil_passes
+
+I = np.int32  # noqa: E741
+U = np.uintp
+
+
+@func
+def fate_of(tests, masked, keep, stencil_ok, depth_ok):
+    """The fate of one covered fragment (see `refsim.pipeline.fragment`)."""
+    if not masked:
+        return EARLY_STENCIL
+    if tests.tests_first:
+        return EARLY_STENCIL if not stencil_ok else (EARLY_DEPTH if not depth_ok else (WRITTEN if keep else DISCARDED))
+    failed = EARLY_STENCIL if tests.early_stencil else STENCIL_FAILED
+    return DISCARDED if not keep else (failed if not stencil_ok else (WRITTEN if depth_ok else DEPTH_FAILED))
+
+
+def listed_bins(
+    uniforms, textures, stencil_values, primitives, bins, shape, input_floats, input_ints, target, counts, tap
+):
+    """Runs the fragment stage over bins; arguments as `refsim.pipeline.dense.dense_bins`, and the tap's columns.
+
+    `tap` = (offset i64[bins], primitive i32[m], pixel i32[2, m], fate i32[m], depth f32[m], floats [k, m], ints
+    [k, m]); bin b's fragments are written from offset[b] on. Without TAP it is not touched.
+    """
+    u = rebuild_uniforms(uniforms)  # noqa: F821
+    t = rebuild_textures(textures)  # noqa: F821
+    values = StencilValues(stencil_values[0], stencil_values[1], stencil_values[2])
+    rect, depths, VF, VI = primitives
+    start, items, first_bin, last_bin, bins_x = bins
+    log2_width, log2_height = shape
+    color_f, color_i, depth_plane, stencil_plane, invocation_plane = target
+    tap_offset, tap_primitive, tap_pixel, tap_fate, tap_depth, tap_f, tap_i = tap
+    FW = np.zeros((IN_F + OUT_F + 1, PACKET), np.float32)  # noqa: F821
+    IW = np.zeros((IN_I + OUT_I + 4, PACKET), np.int32)  # noqa: F821
+    TF, OF, z_column = FW[:IN_F], FW[IN_F : IN_F + OUT_F], FW[IN_F + OUT_F]  # noqa: F821
+    TI, OI = IW[:IN_I], IW[IN_I : IN_I + OUT_I]  # noqa: F821
+    xs, ys, owner, kept = IW[IN_I + OUT_I], IW[IN_I + OUT_I + 1], IW[IN_I + OUT_I + 2], IW[IN_I + OUT_I + 3]  # noqa: F821
+    local = np.zeros(COUNTS, np.int64)
+    one, none = np.int64(1), np.int64(0)
+    for b in range(first_bin, last_bin):
+        y0, x0 = I((b // bins_x) << log2_height), I((b % bins_x) << log2_width)
+        x_end, y_end = I(x0 + (1 << log2_width)), I(y0 + (1 << log2_height))
+        item, last_item = start[U(b)], start[U(b + 1)]
+        x, y = I(0), I(0)
+        opened = False
+        at = tap_offset[U(b)] if TAP else none  # noqa: F821
+        while item < last_item:
+            # List fragments in submission order until the packet is full or the bin has no more
+            n = 0
+            while n < PACKET and item < last_item:
+                p = U(items[U(item)])
+                ax, ay = max(rect[p, 0], x0), max(rect[p, 1], y0)
+                bx, by = min(rect[p, 2], x_end), min(rect[p, 3], y_end)
+                if not opened:
+                    x, y, opened = ax, ay, True
+                while n < PACKET and y < by:
+                    xs[U(n)], ys[U(n)], owner[U(n)] = x, y, I(p)
+                    n += 1
+                    x = I(x + 1)
+                    if x == bx:
+                        x, y = ax, I(y + 1)
+                if y == by:
+                    item += 1
+                    opened = False
+            # Shade
+            for k in range(IN_F):  # noqa: F821
+                for j in range(n):
+                    TF[U(k), U(j)] = input_floats[k][U(ys[U(j)]), U(xs[U(j)])]
+            for k in range(IN_I):  # noqa: F821
+                for j in range(n):
+                    TI[U(k), U(j)] = input_ints[k][U(ys[U(j)]), U(xs[U(j)])]
+            for j in range(n):
+                i, p = U(j), U(owner[U(j)])
+                pixel = xs[i], ys[i]
+                keep, z, outputs = shade(
+                    fragment, TESTS, u, t, get_varyings(VF, VI, p), depths[p], get_inputs(TF, TI, i), pixel  # noqa: F821
+                )
+                kept[i] = I(keep)
+                z_column[i] = z
+                put_outputs(OF, OI, i, outputs)  # noqa: F821
+            # Test and write, one after the other
+            for j in range(n):
+                i = U(j)
+                px, py = U(xs[i]), U(ys[i])
+                keep = kept[i] != I(0)
+                old_stencil = I(stencil_plane[py, px])
+                masked = True
+                if TESTS.stencil_mode == STENCIL_MASK:  # noqa: F821
+                    masked = stencil_passes(TESTS.stencil, old_stencil, values.reference, values.read_mask)  # noqa: F821
+                written, s_ok, d_ok, new_depth, new_stencil = resolve(
+                    TESTS, values, masked, keep, z_column[i], depth_plane[py, px], old_stencil  # noqa: F821
+                )
+                left1, left2 = stages(TESTS, masked, keep, s_ok, d_ok)  # noqa: F821
+                add_fates(
+                    TESTS, local, one, np.int64(masked), np.int64(left1), np.int64(left2), np.int64(written)  # noqa: F821
+                )
+                depth_plane[py, px] = new_depth
+                if TESTS.stencil_mode != STENCIL_OFF:  # noqa: F821
+                    stencil_plane[py, px] = np.uint8(new_stencil)
+                fate = fate_of(TESTS, masked, keep, s_ok, d_ok)  # noqa: F821
+                if fate != EARLY_STENCIL and fate != EARLY_DEPTH:
+                    invocation_plane[py, px] += I(1)
+                if written:
+                    for c in range(OUT_F):  # noqa: F821
+                        color_f[U(c), py, px] = OF[U(c), i]
+                    for c in range(OUT_I):  # noqa: F821
+                        color_i[U(c), py, px] = OI[U(c), i]
+                if TAP:  # noqa: F821
+                    a = U(at)
+                    tap_primitive[a], tap_pixel[0, a], tap_pixel[1, a] = owner[i], xs[i], ys[i]
+                    tap_fate[a], tap_depth[a] = I(fate), z_column[i]
+                    for c in range(OUT_F):  # noqa: F821
+                        tap_f[U(c), a] = OF[U(c), i]
+                    for c in range(OUT_I):  # noqa: F821
+                        tap_i[U(c), a] = OI[U(c), i]
+                    at += 1
+    for c in range(COUNTS):
+        counts[c] += local[c]
+
+
+def count_fragments(rect, bins, shape, offset):
+    """Fills `offset` i64[bins] with where each bin's fragments start in a tap; returns how many there are."""
+    start, items, first_bin, last_bin, bins_x = bins
+    log2_width, log2_height = shape
+    total = np.int64(0)
+    for b in range(first_bin, last_bin):
+        offset[U(b)] = total
+        y0, x0 = (b // bins_x) << log2_height, (b % bins_x) << log2_width
+        for k in range(start[U(b)], start[U(b + 1)]):
+            p = U(items[U(k)])
+            width = min(np.int64(rect[p, 2]), x0 + (1 << log2_width)) - max(np.int64(rect[p, 0]), x0)
+            height = min(np.int64(rect[p, 3]), y0 + (1 << log2_height)) - max(np.int64(rect[p, 1]), y0)
+            total += width * height
+    return total

@@ -1,0 +1,132 @@
+"""The rasteriser: primitives become rectangles of pixels, rectangles are sorted into bins of the screen.
+
+Points and quads cover whole rectangles, so a primitive's coverage is four integers (x0, y0, x1, y1), half open. A pixel
+is covered when its centre lies in [x0, x1) × [y0, y1) of the exact rectangle. A primitive whose vertex (of a quad:
+whose first vertex) lies outside the clip volume −w ≤ x, y ≤ w, 0 ≤ z ≤ w, w > 0 is clipped as a whole: that is what
+OpenGL and Direct3D do with points, and full-screen quads never cross the volume.
+
+Bins hold primitives in submission order. Sources: WebGPU "rasterization", OpenGL 4.6 section 14.4 (points).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from refsim.jit import func
+
+F0 = np.float32(0)
+F1 = np.float32(1)
+HALF = np.float32(0.5)
+I = np.int32  # noqa: E741
+U = np.uintp
+
+
+@func
+def inside_clip_volume(x, y, z, w):
+    """Whether a vertex lies in the clip volume."""
+    return (w > F0) & (x >= -w) & (x <= w) & (y >= -w) & (y <= w) & (z >= F0) & (z <= w)
+
+
+@func
+def first_pixel(edge, low, high):
+    """Index of the first pixel whose centre is at or beyond `edge`, clamped to [low, high]; NaN gives low."""
+    pixel = np.ceil(edge - HALF)
+    pixel = pixel if pixel > low else low
+    return I(pixel if pixel < high else high)
+
+
+@func
+def rasterise_points(position, size, count, viewport, bounds, rect, depth, fate):
+    """Rectangles of `count` points. `fate`: 0 drawn, 1 clipped, 2 covers no pixel."""
+    vx, vy, vw, vh, z0, z1 = viewport
+    bx0, by0, bx1, by1 = bounds
+    for j in range(count):
+        i = U(j)
+        x, y, z, w = position[0, i], position[1, i], position[2, i], position[3, i]
+        # Perspective divide and viewport transform; y turns over, because NDC points up and rows go down
+        inside = inside_clip_volume(x, y, z, w)
+        inverse = F1 / w
+        cx = vx + (x * inverse + F1) * HALF * vw
+        cy = vy + (F1 - y * inverse) * HALF * vh
+        half = size[i] * HALF
+        ax, bx = first_pixel(cx - half, bx0, bx1), first_pixel(cx + half, bx0, bx1)
+        ay, by = first_pixel(cy - half, by0, by1), first_pixel(cy + half, by0, by1)
+        rect[0, i] = ax
+        rect[1, i] = ay
+        rect[2, i] = bx
+        rect[3, i] = by
+        depth[i] = z0 + z * inverse * (z1 - z0)
+        empty = (bx <= ax) | (by <= ay) | (not (half > F0))
+        fate[i] = I(1) if not inside else (I(2) if empty else I(0))
+
+
+@func
+def rasterise_quads(position, count, viewport, bounds, rect, depth, fate):
+    """Rectangles of `count` quads of four vertices each. `fate` 3: the quad is not an axis-aligned rectangle."""
+    vx, vy, vw, vh, z0, z1 = viewport
+    bx0, by0, bx1, by1 = bounds
+    for j in range(count):
+        inside = True
+        left, right, top, bottom = np.float32(np.inf), np.float32(-np.inf), np.float32(np.inf), np.float32(-np.inf)
+        corners = 0
+        for k in range(4):
+            i = U(4 * j + k)
+            x, y, z, w = position[0, i], position[1, i], position[2, i], position[3, i]
+            inside &= inside_clip_volume(x, y, z, w)
+            inverse = F1 / w
+            cx = vx + (x * inverse + F1) * HALF * vw
+            cy = vy + (F1 - y * inverse) * HALF * vh
+            left, right, top, bottom = min(left, cx), max(right, cx), min(top, cy), max(bottom, cy)
+        for k in range(4):
+            i = U(4 * j + k)
+            inverse = F1 / position[3, i]
+            cx = vx + (position[0, i] * inverse + F1) * HALF * vw
+            cy = vy + (F1 - position[1, i] * inverse) * HALF * vh
+            at_corner = ((cx == left) | (cx == right)) & ((cy == top) | (cy == bottom))
+            corners |= (1 << (I(cx == right) + 2 * I(cy == bottom))) if at_corner else 16
+        ax, bx = first_pixel(left, bx0, bx1), first_pixel(right, bx0, bx1)
+        ay, by = first_pixel(top, by0, by1), first_pixel(bottom, by0, by1)
+        i = U(j)
+        rect[0, i] = ax
+        rect[1, i] = ay
+        rect[2, i] = bx
+        rect[3, i] = by
+        depth[i] = z0 + position[2, U(4 * j)] / position[3, U(4 * j)] * (z1 - z0)
+        # Four distinct corners, or a quad of no width or height; anything else is no rectangle
+        flat = (left == right) | (top == bottom)
+        rectangle = (corners == 15) | (flat & (corners < 16))
+        empty = (bx <= ax) | (by <= ay)
+        fate[i] = I(1) if not inside else (I(3) if not rectangle else (I(2) if empty else I(0)))
+
+
+def bin_primitives(rect, first, count, log2_width, log2_height, bins_x, start, items):
+    """Sorts primitives [first, count) into bins by counting; stops before `items` overflows.
+
+    `rect` i32[n, 4] rows; `start` i64[bins + 2], of which [b, b + 1) bounds bin b afterwards; `items` i32[capacity].
+    Returns the number of the first primitive that was left out. Submission order is kept within every bin.
+    """
+    bins = start.shape[0] - 2
+    start[:] = 0
+    last = first
+    total = np.int64(0)
+    while last < count:
+        i = U(last)
+        bx0, by0 = rect[i, 0] >> log2_width, rect[i, 1] >> log2_height
+        bx1, by1 = (rect[i, 2] - 1) >> log2_width, (rect[i, 3] - 1) >> log2_height
+        total += np.int64(bx1 - bx0 + 1) * np.int64(by1 - by0 + 1)
+        if total > items.shape[0]:
+            break
+        for by in range(by0, by1 + 1):
+            for bx in range(bx0, bx1 + 1):
+                start[U(by * bins_x + bx + 2)] += 1
+        last += 1
+    for b in range(2, bins + 2):
+        start[U(b)] += start[U(b - 1)]
+    for p in range(first, last):
+        i = U(p)
+        for by in range(rect[i, 1] >> log2_height, ((rect[i, 3] - 1) >> log2_height) + 1):
+            for bx in range(rect[i, 0] >> log2_width, ((rect[i, 2] - 1) >> log2_width) + 1):
+                slot = U(by * bins_x + bx + 1)
+                items[U(start[slot])] = I(p)
+                start[slot] += 1
+    return last

@@ -1,0 +1,139 @@
+"""What a draw reads and writes: textures, vertex buffers, the framebuffer. Plain arrays, stored as planes.
+
+Framebuffer origin is top-left, pixel centres at .5, rows first (WebGPU). A texture is ``data[component, y, x]``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from refsim.errors import InputError
+from refsim.jit import func
+from refsim.pipeline.depth import clear_value
+from refsim.pipeline.layout import Layout
+from refsim.pipeline.state import DepthStencilFormat, TextureFormat
+
+MAX_TARGET_PIXELS = 2**28
+
+
+class Texture(NamedTuple):
+    """Planes ``[component, height, width]``, float32 or int32. Shaders fetch from it with `texel…` (no filtering)."""
+
+    data: np.ndarray
+
+
+@func
+def texel1(texture, x, y):
+    """Component 0 at pixel (x, y)."""
+    return texture.data[0, y, x]
+
+
+@func
+def texel3(texture, x, y):
+    """Components 0–2 at pixel (x, y)."""
+    return texture.data[0, y, x], texture.data[1, y, x], texture.data[2, y, x]
+
+
+@func
+def texel4(texture, x, y):
+    """Components 0–3 at pixel (x, y)."""
+    return texture.data[0, y, x], texture.data[1, y, x], texture.data[2, y, x], texture.data[3, y, x]
+
+
+class VertexBuffer:
+    """Columns of vertices: `floats` f32[k, capacity], `ints` i32[k, capacity], of which `count` vertices are filled.
+
+    `attributes` is the NamedTuple class whose fields are the columns.
+    """
+
+    def __init__(self, attributes: type, capacity: int) -> None:
+        layout = Layout.of(attributes)
+        self.attributes = attributes
+        self.capacity = int(capacity)
+        self.count = 0
+        self.floats = np.zeros((layout.floats, self.capacity), np.float32)
+        self.ints = np.zeros((layout.ints, self.capacity), np.int32)
+
+    @classmethod
+    def of(cls, attributes: type, **columns: Any) -> VertexBuffer:
+        """A full buffer from one array a field: shape [n] for a scalar, [n, k] for a vector.
+
+        Raises `InputError` when a field is missing, unknown, or of another length or width.
+        """
+        fields = {field.name: field for field in Layout.of(attributes).fields}
+        if set(columns) != set(fields):
+            odd = sorted(set(columns) ^ set(fields))
+            raise InputError(f"vertex buffer of {attributes.__name__}: field {odd[0]!r} is missing or unknown.")
+        counts = {len(column) for column in columns.values()}
+        if len(counts) != 1:
+            raise InputError(f"vertex buffer of {attributes.__name__}: its columns differ in length: {sorted(counts)}.")
+        buffer = cls(attributes, counts.pop())
+        buffer.count = buffer.capacity
+        for name, column in columns.items():
+            field = fields[name]
+            values = np.asarray(column).reshape(buffer.count, -1)
+            if values.shape[1] != field.size:
+                raise InputError(f"vertex buffer of {attributes.__name__}: {name!r} needs {field.size} components.")
+            planes = buffer.floats if field.kind == "f" else buffer.ints
+            planes[field.first : field.first + field.size] = values.T
+        return buffer
+
+
+class Framebuffer:
+    """Colour targets, depth, stencil, and the number of fragment-shader invocations per pixel.
+
+    `floats` f32[planes, h, w] and `ints` i32[planes, h, w] hold all colour targets in the order given; `color(name)`
+    is a view. `depth` is f32[h, w] in the units of `depth_format`, `stencil` uint8[h, w], `invocations` int32[h, w]
+    (logical invocations, summed over draws until cleared).
+    """
+
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        targets: Mapping[str, TextureFormat],
+        depth_format: DepthStencilFormat = DepthStencilFormat.DEPTH32FLOAT_STENCIL8,
+    ) -> None:
+        if width < 1 or height < 1 or width * height > MAX_TARGET_PIXELS:
+            raise InputError(f"a framebuffer of {width} × {height} pixels cannot be made; give 1 to 2**28 pixels.")
+        self.width, self.height = int(width), int(height)
+        self.targets = {name: TextureFormat(form) for name, form in targets.items()}
+        self.depth_format = DepthStencilFormat(depth_format)
+        float_planes = sum(form.components for form in self.targets.values() if form.is_float)
+        int_planes = sum(form.components for form in self.targets.values() if not form.is_float)
+        shape = (self.height, self.width)
+        self.floats = np.zeros((float_planes, *shape), np.float32)
+        self.ints = np.zeros((int_planes, *shape), np.int32)
+        self.depth = np.empty(shape, np.float32)
+        self.stencil = np.zeros(shape, np.uint8)
+        self.invocations = np.zeros(shape, np.int32)
+        self.clear_depth()
+
+    def color(self, name: str) -> np.ndarray:
+        """The planes [component, h, w] of target `name`: a view, no copy."""
+        first = {True: 0, False: 0}
+        for target, form in self.targets.items():
+            if target == name:
+                planes = self.floats if form.is_float else self.ints
+                return planes[first[form.is_float] : first[form.is_float] + form.components]
+            first[form.is_float] += form.components
+        raise InputError(f"the framebuffer has no target {name!r}; it has {', '.join(self.targets)}.")
+
+    def texture(self, name: str) -> Texture:
+        """Target `name` as a texture for a later draw."""
+        return Texture(self.color(name))
+
+    def clear_color(self, name: str, value: float | tuple[float, ...]) -> None:
+        """Sets every pixel of target `name` to `value` (a scalar, or one number a component)."""
+        self.color(name)[:] = np.reshape(value, (-1, 1, 1))
+
+    def clear_depth(self, value: float = 1.0) -> None:
+        """Sets every depth to `value` in [0, 1]."""
+        self.depth[:] = clear_value(self.depth_format, value)
+
+    def clear_stencil(self, value: int = 0) -> None:
+        """Sets every stencil value."""
+        self.stencil[:] = value & 0xFF
