@@ -1,0 +1,109 @@
+"""Counters: what is counted, in which unit, and the laws that every run must obey.
+
+A counter is declared once, here, with a sentence; code that counts adds to a `Counters` object. Counts are logical
+invocations: they do not depend on tiles, packets, threads or taps. `Counters.check()` tests the conservation laws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+
+class Counter(NamedTuple):
+    """Name, unit, and one sentence on what is counted."""
+
+    name: str
+    unit: str
+    sentence: str
+
+
+_DECLARED = (
+    Counter("draw.calls", "draws", "Draw calls submitted to the pipeline."),
+    Counter("vertex.invocations", "invocations", "Vertex shader runs: one per index (or vertex) and instance."),
+    Counter("raster.primitives", "primitives", "Points or quads assembled from vertices."),
+    Counter("raster.clipped", "primitives", "Primitives outside the clip volume, culled ones moved out of view included."),
+    Counter("raster.empty", "primitives", "Primitives inside the clip volume that cover no pixel centre of the scissor."),
+    Counter("raster.drawn", "primitives", "Primitives that cover at least one pixel."),
+    Counter("raster.fragments", "fragments", "Fragments made by the rasteriser inside viewport and scissor."),
+    Counter("stencil.failed_early", "fragments", "Fragments rejected by the stencil test before the fragment shader."),
+    Counter("depth.failed_early", "fragments", "Fragments rejected by the depth test before the fragment shader."),
+    Counter("fragment.invocations", "invocations", "Fragment shader runs: fragments not rejected by an early test."),
+    Counter("fragment.discarded", "fragments", "Fragments that the shader discarded (a ray that misses its triangle)."),
+    Counter("stencil.failed", "fragments", "Fragments that failed the stencil test, early or late."),
+    Counter("depth.failed", "fragments", "Fragments that failed the depth test, early or late."),
+    Counter("fragment.written", "fragments", "Fragments that passed everything and were written to the targets."),
+    Counter("intersection.triangle_tests", "tests", "Ray–triangle intersection tests: one a fragment shader run."),
+    Counter("intersection.degenerate_triangles", "triangles", "Zero-area triangles of the scene: kept, never hit."),
+    Counter("cone.sphere_tests", "tests", "Cone–sphere tests: one per triangle, tile and generation."),
+    Counter("cone.pairs_kept", "pairs", "Pairs of tile and triangle that the cone–sphere test let through."),
+    Counter("cone.tiles_empty", "tiles", "Tiles with no ray to trace, summed over generations."),
+    Counter("cone.tiles_bounded", "tiles", "Tiles with a cone of less than a half-space, summed over generations."),
+    Counter("cone.tiles_unbounded", "tiles", "Tiles whose rays no cone encloses: nothing is culled for them."),
+    Counter("rays.eye", "rays", "Rays of generation 0 that were shot."),
+    Counter("rays.reflected", "rays", "Reflected rays that were shot, total internal reflection included."),
+    Counter("rays.refracted", "rays", "Refracted rays that were shot."),
+)
+
+REGISTRY: Mapping[str, Counter] = {counter.name: counter for counter in _DECLARED}
+
+
+class Law(NamedTuple):
+    """The sum of the counters on the left equals the sum on the right, whenever one of them was counted."""
+
+    left: tuple[str, ...]
+    right: tuple[str, ...]
+
+
+LAWS = (
+    Law(("raster.primitives",), ("raster.clipped", "raster.empty", "raster.drawn")),
+    Law(
+        ("raster.fragments",),
+        ("fragment.discarded", "stencil.failed", "depth.failed", "fragment.written"),
+    ),
+    Law(("raster.fragments",), ("fragment.invocations", "stencil.failed_early", "depth.failed_early")),
+)
+
+
+class ConservationError(AssertionError):
+    """A run broke a conservation law: a fault of refsim, never of its input."""
+
+
+class Counters(Mapping[str, int]):
+    """Counts by name. Missing names count 0; only declared names can be added to."""
+
+    def __init__(self) -> None:
+        self._counts: dict[str, int] = {}
+
+    def add(self, name: str, count: int) -> None:
+        """Adds `count` to counter `name`."""
+        if name not in REGISTRY:
+            raise KeyError(f"counter {name!r} is not declared in refsim.counters.")
+        self._counts[name] = self._counts.get(name, 0) + int(count)
+
+    def merge(self, other: Mapping[str, int]) -> None:
+        """Adds all counts of `other`."""
+        for name, count in other.items():
+            self.add(name, count)
+
+    def check(self) -> None:
+        """Raises `ConservationError` naming the first law that does not hold."""
+        for law in LAWS:
+            left = sum(self[name] for name in law.left)
+            right = sum(self[name] for name in law.right)
+            if left != right:
+                raise ConservationError(f"{' + '.join(law.left)} = {left}, but {' + '.join(law.right)} = {right}.")
+
+    def __getitem__(self, name: str) -> int:
+        if name not in REGISTRY:
+            raise KeyError(f"there is no counter {name!r}.")
+        return self._counts.get(name, 0)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(name for name in REGISTRY if name in self._counts)
+
+    def __len__(self) -> int:
+        return len(self._counts)
+
+    def __repr__(self) -> str:
+        return f"Counters({ {name: self._counts[name] for name in self} })"

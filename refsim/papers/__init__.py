@@ -1,0 +1,1 @@
+"""The papers' tracers, each a short list of draws on `refsim.pipeline`."""

@@ -1,0 +1,116 @@
+"""What a method returns: rays and hits of every generation, the rays that left, counters. Plain arrays, one row a ray.
+
+For image methods a generation's rows are pixels (n = width · height, row-major, row 0 at the top).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from refsim.counters import Counters
+from refsim.scene.mesh import Scene
+from refsim.scene.rays import Hits, Rays
+
+
+class RayKind(IntEnum):
+    """What a ray is."""
+
+    EYE = 0
+    SHADOW = 1
+    REFLECTED = 2
+    REFRACTED = 3
+
+
+class TileState(IntEnum):
+    """What a tile's cone encloses: no ray, all its rays, or (unbounded) no cone of less than a half-space does."""
+
+    EMPTY = 0
+    BOUNDED = 1
+    UNBOUNDED = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Cones:
+    """Enclosing cones of a generation's live rays, one row a tile, tiles row-major.
+
+    apex f32[tiles, 3] world space; axis f32[tiles, 3] unit; half_angle f32[tiles] radians; state int32[tiles]
+    (`TileState`); slack f32[tiles], scene units, how far outside the float32 cone a ray may be; width, height in
+    tiles, tile_size in pixels. Rows of a tile that is not bounded mean nothing but their state (half_angle: 0 empty, π unbounded).
+    """
+
+    apex: NDArray[np.float32]
+    axis: NDArray[np.float32]
+    half_angle: NDArray[np.float32]
+    state: NDArray[np.int32]
+    slack: NDArray[np.float32]
+    width: int
+    height: int
+    tile_size: int
+
+
+@dataclass(frozen=True, eq=False)
+class Generation:
+    """Rays of recursion depth k, shot in pass k, and what they hit.
+
+    alive bool[n]: the ray was shot (a dead row has zero direction and hits nothing); kind int32[n] (`RayKind`); pixel
+    int32[n]; parent int32[n], row of the generation before (−1 for eye rays and dead rows); per_ray name -> int32[n];
+    counters of this pass alone; cones with the hierarchical engine. `next_rays` and `next_kind`: the rays that this
+    pass wrote for the next one, in its rows (image methods).
+    """
+
+    rays: Rays
+    hits: Hits
+    alive: NDArray[np.bool_]
+    kind: NDArray[np.int32]
+    pixel: NDArray[np.int32]
+    parent: NDArray[np.int32]
+    per_ray: Mapping[str, NDArray[np.int32]]
+    counters: Counters
+    cones: Cones | None = None
+    next_rays: Rays | None = None
+    next_kind: NDArray[np.int32] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """All generations of one run of `method`. `exit_rays` [n]: the last ray of each path, which leaves the scene or ends.
+
+    `per_ray` name -> int64[n]: summed over generations per pixel. `options`: every option's value, defaults included.
+    """
+
+    method: str
+    scene: Scene
+    options: Mapping[str, Any]
+    generations: tuple[Generation, ...]
+    exit_rays: Rays
+    counters: Counters
+    per_ray: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+
+    @property
+    def hits(self) -> Hits:
+        """What the first generation hit."""
+        return self.generations[0].hits
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """A picture: linear RGB f32[h, w, 3], row 0 at the top, and the trace that it was made from."""
+
+    rgb: NDArray[np.float32]
+    trace: Trace
+
+
+def summed_per_ray(generations: list[Generation], pixels: int) -> dict[str, NDArray[np.int64]]:
+    """Per-ray counts of all generations added up by pixel; int64[pixels] a name."""
+    names = sorted({name for generation in generations for name in generation.per_ray})
+    totals = {name: np.zeros(pixels, np.int64) for name in names}
+    for generation in generations:
+        for name, counts in generation.per_ray.items():
+            np.add.at(totals[name], generation.pixel, counts)
+    return totals
