@@ -112,5 +112,8 @@ def summed_per_ray(generations: list[Generation], pixels: int) -> dict[str, NDAr
     totals = {name: np.zeros(pixels, np.int64) for name in names}
     for generation in generations:
         for name, counts in generation.per_ray.items():
-            np.add.at(totals[name], generation.pixel, counts)
+            if len(counts) == pixels:  # rows are pixels
+                totals[name] += counts
+            else:
+                np.add.at(totals[name], generation.pixel, counts)
     return totals

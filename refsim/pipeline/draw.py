@@ -60,22 +60,34 @@ def _run_all(threads: int, tasks: list[Any]) -> list[Any]:
     return [future.result() for future in [_pool(threads).submit(task) for task in tasks]]
 
 
-class _Slice:
-    """Primitives [first, first + count) after the vertex stage: survivors, and what became of the rest."""
+class _Round:
+    """Primitives [first, first + count) after the vertex stage: survivors in columns, and what became of the rest.
 
-    def __init__(self, program: Program, first: int, count: int) -> None:
-        self.first, self.count = first, count
+    Threads fill slices of `size` primitives each, from row slice · size on.
+    """
+
+    def __init__(self, program: Program, first: int, count: int, size: int) -> None:
+        self.first, self.count, self.size = first, count, size
         self.rect = np.empty((count, 4), np.int32)
         self.depth = np.empty(count, np.float32)
         self.source = np.empty(count, np.int64)
         self.floats = np.empty((count, program.varyings.floats), np.float32)
         self.ints = np.empty((count, program.varyings.ints), np.int32)
-        self.fates = np.zeros(4, np.int64)
-        self.kept = 0
+        self.fates = np.zeros((-(-count // size), 4), np.int64)
 
-    def mean_area(self) -> float:
+    def columns(self, part: int) -> tuple[np.ndarray, ...]:
+        """The columns of one slice, to be filled."""
+        rows = slice(part * self.size, min((part + 1) * self.size, self.count))
+        return (self.rect[rows], self.depth[rows], self.source[rows], self.floats[rows], self.ints[rows])
+
+    def survivors(self) -> np.ndarray:
+        """Rows of the survivors in submission order, int32."""
+        kept = [np.arange(k * self.size, k * self.size + n, dtype=np.int32) for k, n in enumerate(self.fates[:, 0])]
+        return np.concatenate(kept)
+
+    def mean_area(self, survivors: np.ndarray) -> float:
         """Mean number of pixels a survivor covers."""
-        rect = self.rect[: self.kept].astype(np.int64)
+        rect = self.rect[survivors].astype(np.int64)
         return float(((rect[:, 2] - rect[:, 0]) * (rect[:, 3] - rect[:, 1])).mean())
 
 
@@ -122,13 +134,10 @@ def draw(
     counts = np.zeros(COUNTS, np.int64)
     size = min(max(-(-primitives // threads), SMALLEST_SLICE), SLICE_PRIMITIVES)
     for first in range(0, primitives, size * threads):
-        starts = range(first, min(first + size * threads, primitives), size)
-        slices = [_Slice(program, start, min(size, primitives - start)) for start in starts]
-        _run_all(threads, [lambda part=part: _run_front_end(program, arguments, call, part) for part in slices])
-        for part in slices:
-            _add_primitive_fates(counters, part)
-            if part.kept:
-                _run_fragments(program, arguments, call, part, threads, counts, recorder, loop)
+        part = _Round(program, first, min(size * threads, primitives - first), size)
+        _run_front_end(program, arguments, call, part, threads)
+        _add_primitive_fates(counters, part.fates.sum(axis=0))
+        _run_fragments(program, arguments, call, part, threads, counts, recorder, loop)
     _add_fragment_fates(counters, counts)
     if recorder is not None and taps is not None:
         taps.fragment.append(recorder.record())
@@ -142,16 +151,20 @@ def _checked_threads(threads: int | None) -> int:
     return int(threads)
 
 
-def _run_front_end(program: Program, arguments: Any, call: Any, part: _Slice) -> None:
-    part.kept = program.front_end(
-        *arguments, call.buffers, call.indices, call.vertex_count, part.first, part.count,
-        call.viewport, call.bounds, part.rect, part.depth, part.source, part.floats, part.ints, part.fates,
-    )  # fmt: skip
+def _run_front_end(program: Program, arguments: Any, call: Any, part: _Round, threads: int) -> None:
+    def run(k: int) -> None:
+        columns = part.columns(k)
+        program.front_end(
+            *arguments, call.buffers, call.indices, call.vertex_count, part.first + k * part.size, len(columns[0]),
+            call.viewport, call.bounds, *columns, part.fates[k],
+        )  # fmt: skip
+
+    _run_all(threads, [lambda k=k: run(k) for k in range(len(part.fates))])
 
 
-def _bin_shape(part: _Slice, framebuffer: Framebuffer, threads: int) -> tuple[int, int]:
+def _bin_shape(mean_area: float, framebuffer: Framebuffer, threads: int) -> tuple[int, int]:
     """log2 of a bin's width and height: about a primitive's size, and enough bins for the threads."""
-    log2 = int(np.clip(np.rint(np.log2(max(part.mean_area(), 1.0)) / 2), 3, 5))
+    log2 = int(np.clip(np.rint(np.log2(max(mean_area, 1.0)) / 2), 3, 5))
     while log2 > 2 and -(-framebuffer.width >> log2) * -(-framebuffer.height >> log2) < 4 * threads:
         log2 -= 1
     return log2, log2
@@ -161,27 +174,31 @@ def _run_fragments(
     program: Program,
     arguments: Any,
     call: Any,
-    part: _Slice,
+    part: _Round,
     threads: int,
     counts: np.ndarray,
     recorder: FragmentRecorder | None,
     loop: Loop,
 ) -> None:
     """Bins the survivors, in batches that fit, and runs the fragment stage over the bins."""
+    survivors = part.survivors()
+    if not len(survivors):
+        return
     framebuffer = call.framebuffer
-    shape = _bin_shape(part, framebuffer, threads)
+    area = part.mean_area(survivors)
+    shape = _bin_shape(area, framebuffer, threads)
     bins_x = -(-framebuffer.width // (1 << shape[0]))
     bins = bins_x * -(-framebuffer.height // (1 << shape[1]))
     start = np.empty(bins + 2, np.int64)
-    items = np.empty(max(min(BIN_ITEMS, part.kept * bins), bins), np.int32)
-    listed = loop == "list" or (loop == "auto" and part.mean_area() < LIST_BELOW)
+    items = np.empty(max(min(BIN_ITEMS, len(survivors) * bins), bins), np.int32)
+    listed = loop == "list" or (loop == "auto" and area < LIST_BELOW)
     primitives = (part.rect, part.depth, part.floats, part.ints)
     target = (framebuffer.floats, framebuffer.ints, framebuffer.depth, framebuffer.stencil, framebuffer.invocations)
     fixed = (*arguments, call.stencil_values, primitives)
     images = (shape, call.input_floats, call.input_ints, target)
     first = 0
-    while first < part.kept:
-        first = program.bin_primitives(part.rect, first, part.kept, *shape, bins_x, start, items)
+    while first < len(survivors):
+        first = program.bin_primitives(part.rect, survivors, first, *shape, bins_x, start, items)
         tap = _NO_TAP
         kernel: Any = program.listed if listed else program.dense
         if recorder is not None:
@@ -223,8 +240,8 @@ def _groups(start: np.ndarray, bins: int, threads: int) -> list[tuple[int, int]]
     return [(int(a), int(b)) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
 
 
-def _add_primitive_fates(counters: Counters, part: _Slice) -> None:
-    drawn, clipped, empty, crooked = (int(fate) for fate in part.fates)
+def _add_primitive_fates(counters: Counters, fates: np.ndarray) -> None:
+    drawn, clipped, empty, crooked = (int(fate) for fate in fates)
     if crooked:
         raise InputError(f"{crooked} quads are not axis-aligned rectangles of the screen; quad-list draws only those.")
     counters.add("raster.drawn", drawn)

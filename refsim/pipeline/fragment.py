@@ -3,10 +3,11 @@
 `resolve` is the whole per-fragment order of the pipeline in one function: shader's keep, stencil, depth, writes. The
 dense loop here and the loop over fragment lists (`fragment_list`) both call it.
 
-A packet is a bin's pixels (at most 1,024) in working columns that stay in cache. For each primitive a packet is
-*probed* first: the shader is evaluated for keep and depth alone and only counted; the compiler drops the rest and
-nothing is stored. Only if some fragment would be written is the shader evaluated again, for its outputs (`commit`). A
-shader is pure, so this cannot be seen; counters count logical invocations.
+A packet is a bin's pixels (at most 1,024) in working columns that stay in cache, a lane each; lanes whose pixel an early
+stencil test has ruled out for good are left out. For each primitive every block of 64 lanes is *probed* first: the
+shader is evaluated for keep and depth alone and only counted; the compiler drops the rest and nothing is stored. Only
+if some fragment would be written is the shader evaluated again, for its outputs (`commit`). A shader is pure, so this
+cannot be seen; counters count logical invocations.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from refsim.pipeline.state import StencilFaceState
 from refsim.pipeline.stencil import compare, stencil_passes, stencil_update
 
 PACKET = 1024
+BLOCK = 64
 I = np.int32  # noqa: E741
 U = np.uintp
 ON = np.int32(1)
@@ -60,6 +62,39 @@ class StencilValues(NamedTuple):
     reference: np.int32
     read_mask: np.int32
     write_mask: np.int32
+
+
+class Packet(NamedTuple):
+    """A bin's working columns, [PACKET] each: place in the bin, input texels (k rows), live mask, depth, stencil, total
+    of shader invocations, outputs and colour targets (k rows), written mask; live lanes of each block."""
+
+    x: np.ndarray
+    y: np.ndarray
+    TF: np.ndarray
+    TI: np.ndarray
+    alive: np.ndarray
+    depth: np.ndarray
+    stencil: np.ndarray
+    total: np.ndarray
+    OF: np.ndarray
+    OI: np.ndarray
+    CF: np.ndarray
+    CI: np.ndarray
+    write: np.ndarray
+    block_alive: np.ndarray
+
+
+@func
+def new_packet(in_f, in_i, out_f, out_i):
+    """Columns for a draw. They are rows of two arrays, so that the compiler can prove that they do not overlap."""
+    F = np.zeros((in_f + 2 * out_f + 1, PACKET), np.float32)
+    N = np.zeros((in_i + 2 * out_i + 7, PACKET), np.int32)
+    a, b, c = in_f + out_f, in_f + 2 * out_f, in_i + out_i
+    d = in_i + 2 * out_i
+    return Packet(
+        N[d], N[d + 1], F[:in_f], N[:in_i], N[d + 2], F[b], N[d + 3], N[d + 4],
+        F[in_f:a], N[in_i:c], F[a:b], N[c:d], N[d + 5], N[d + 6],
+    )  # fmt: skip
 
 
 @func
@@ -119,37 +154,63 @@ def add_fates(tests, counts, covered, masked, first, second, written):
 
 
 @func
-def cover(tests, values, alive, stencil, rect, log2_width, first, last):
-    """Marks the packet's fragments [first, last) that `rect` covers; returns how many, and how many the mask leaves."""
-    x0, y0, x1, y1 = rect
-    covered = OFF
-    left = OFF
-    for j in range(first, last):
-        i = U(j)
-        x, y = I(j) & I((1 << log2_width) - 1), I(j) >> I(log2_width)
-        inside = (x >= x0) & (x < x1) & (y >= y0) & (y < y1)
-        passes = inside
-        if tests.stencil_mode == STENCIL_MASK:
-            passes = inside & stencil_passes(tests.stencil, stencil[i], values.reference, values.read_mask)
-        alive[i] = ON if passes else OFF
-        covered = I(covered + (ON if inside else OFF))
-        left = I(left + (ON if passes else OFF))
-    return np.int64(covered), np.int64(left)
+def list_lanes(tests, values, packet, stencil_plane, origin, size, fixed):
+    """Chooses the packet's lanes from the pixels of a bin; returns how many there are.
+
+    A pixel that fails an early stencil test stays failed while no write reaches the bits that are read (`fixed`): then
+    it needs no lane. `packet.x`, `packet.y` (in the bin) and `packet.stencil` are filled; lanes keep row order.
+    """
+    lanes = 0
+    for y in range(size[1]):
+        for x in range(size[0]):
+            value = I(stencil_plane[U(origin[1] + y), U(origin[0] + x)])
+            packet.x[U(lanes)] = I(x)
+            packet.y[U(lanes)] = I(y)
+            packet.stencil[U(lanes)] = value
+            takes = True
+            if fixed:
+                takes = stencil_passes(tests.stencil, value, values.reference, values.read_mask)
+            lanes += np.int64(takes)
+    return lanes
 
 
 @func
-def probe(fragment, get_inputs, tests, values, u, t, varyings, z0, x0, y0, log2_width, first, last, columns):
-    """Counts what a primitive would do to a packet, storing nothing: fragments left by two stages, and written."""
-    TF, TI, alive, depth, stencil = columns
+def cover(tests, values, packet, rect, lanes):
+    """Marks the lanes that `rect` (in the bin) covers and the stencil mask leaves; returns how many those are.
+
+    `packet.block_alive` gets the number in each block of lanes.
+    """
+    x0, y0, x1, y1 = rect
+    left = np.int64(0)
+    for block in range((lanes + BLOCK - 1) // BLOCK):
+        in_block = OFF
+        for j in range(BLOCK):
+            i = U(block * BLOCK + j)
+            x, y = packet.x[i], packet.y[i]
+            passes = (x >= x0) & (x < x1) & (y >= y0) & (y < y1) & (I(i) < I(lanes))
+            if tests.stencil_mode == STENCIL_MASK:
+                passes = passes & stencil_passes(
+                    tests.stencil, packet.stencil[i], values.reference, values.read_mask
+                )
+            packet.alive[i] = ON if passes else OFF
+            in_block = I(in_block + (ON if passes else OFF))
+        packet.block_alive[U(block)] = in_block
+        left += in_block
+    return left
+
+
+@func
+def probe(fragment, get_inputs, tests, values, u, t, varyings, z0, x0, y0, first, packet):
+    """Counts what a primitive would do to a block of lanes, storing nothing: left by two stages, and written."""
     n1 = OFF
     n2 = OFF
     n3 = OFF
-    for j in range(first, last):
-        i = U(j)
-        pixel = x0 + (I(j) & I((1 << log2_width) - 1)), y0 + (I(j) >> I(log2_width))
-        keep, z, _ = shade(fragment, tests, u, t, varyings, z0, get_inputs(TF, TI, i), pixel)
-        covered = alive[i] != OFF
-        written, s_ok, d_ok, _, _ = resolve(tests, values, covered, keep, z, depth[i], stencil[i])
+    for j in range(BLOCK):
+        i = U(first + j)
+        pixel = x0 + packet.x[i], y0 + packet.y[i]
+        keep, z, _ = shade(fragment, tests, u, t, varyings, z0, get_inputs(packet.TF, packet.TI, i), pixel)
+        covered = packet.alive[i] != OFF
+        written, s_ok, d_ok, _, _ = resolve(tests, values, covered, keep, z, packet.depth[i], packet.stencil[i])
         left1, left2 = stages(tests, covered, keep, s_ok, d_ok)
         n1 = I(n1 + (ON if left1 else OFF))
         if tests.stencil_mode == STENCIL_IN_LOOP or tests.tests_first:
@@ -157,69 +218,81 @@ def probe(fragment, get_inputs, tests, values, u, t, varyings, z0, x0, y0, log2_
         n3 = I(n3 + (ON if written else OFF))
     if not (tests.stencil_mode == STENCIL_IN_LOOP or tests.tests_first):
         n2 = n1
-    return np.int64(n1), np.int64(n2), np.int64(n3)
+    return n1, n2, n3
 
 
 @func
-def commit(
-    fragment, get_inputs, put_outputs, tests, values, u, t, varyings, z0, x0, y0, log2_width, first, last, columns, out
-):
-    """Runs a primitive over a packet: depth and stencil change, outputs and the written mask go to `out`."""
-    TF, TI, alive, depth, stencil = columns
-    OF, OI, write, invoked = out
+def commit(fragment, get_inputs, put_outputs, tests, values, u, t, varyings, z0, x0, y0, first, packet):
+    """Runs a primitive over a block of lanes: depth and stencil change, outputs and the written mask are stored."""
     n1 = OFF
     n2 = OFF
     n3 = OFF
-    for j in range(first, last):
-        i = U(j)
-        pixel = x0 + (I(j) & I((1 << log2_width) - 1)), y0 + (I(j) >> I(log2_width))
-        keep, z, outputs = shade(fragment, tests, u, t, varyings, z0, get_inputs(TF, TI, i), pixel)
-        covered = alive[i] != OFF
-        written, s_ok, d_ok, new_depth, new_stencil = resolve(tests, values, covered, keep, z, depth[i], stencil[i])
+    for j in range(BLOCK):
+        i = U(first + j)
+        pixel = x0 + packet.x[i], y0 + packet.y[i]
+        keep, z, outputs = shade(fragment, tests, u, t, varyings, z0, get_inputs(packet.TF, packet.TI, i), pixel)
+        covered = packet.alive[i] != OFF
+        written, s_ok, d_ok, new_depth, new_stencil = resolve(
+            tests, values, covered, keep, z, packet.depth[i], packet.stencil[i]
+        )
         left1, left2 = stages(tests, covered, keep, s_ok, d_ok)
-        put_outputs(OF, OI, i, outputs)
-        depth[i] = new_depth
+        put_outputs(packet.OF, packet.OI, i, outputs)
+        packet.depth[i] = new_depth
         if tests.stencil_mode != STENCIL_OFF:
-            stencil[i] = new_stencil
-        write[i] = ON if written else OFF
+            packet.stencil[i] = new_stencil
+        packet.write[i] = ON if written else OFF
         if tests.tests_first:
-            invoked[i] = ON if left2 else OFF
-        elif tests.early_stencil:
-            invoked[i] = ON if (covered & s_ok) else OFF
+            packet.total[i] = I(packet.total[i] + (ON if left2 else OFF))
+        elif tests.early_stencil and tests.stencil_mode == STENCIL_IN_LOOP:
+            packet.total[i] = I(packet.total[i] + (ON if (covered & s_ok) else OFF))
         n1 = I(n1 + (ON if left1 else OFF))
         n2 = I(n2 + (ON if left2 else OFF))
         n3 = I(n3 + (ON if written else OFF))
-    return np.int64(n1), np.int64(n2), np.int64(n3)
+    return n1, n2, n3
 
 
 @func
-def select_plane(write, new, plane, first, last):
-    """One plane of a colour target takes `new` where a fragment is written."""
-    for j in range(first, last):
-        i = U(j)
+def select_plane(write, new, plane, first):
+    """A block of one plane of a colour target takes `new` where a fragment is written."""
+    for j in range(BLOCK):
+        i = U(first + j)
         a, b = new[i], plane[i]
         plane[i] = a if write[i] != OFF else b
 
 
 @func
-def add_scaled(total, mask, factor, n):
-    """total += factor where mask."""
-    for j in range(n):
+def add_pending(packet, pending, lanes):
+    """Counts `pending` shader invocations for every live lane."""
+    for j in range(lanes):
         i = U(j)
-        total[i] = I(total[i] + (factor if mask[i] != OFF else OFF))
+        packet.total[i] = I(packet.total[i] + (pending if packet.alive[i] != OFF else OFF))
 
 
 @func
-def load_plane(plane, packet, x0, y0, width, height, log2_width):
-    """Copies the part of `plane` under a bin into a packet column; `width` and `height` end at the plane's edge."""
-    for y in range(height):
-        for x in range(width):
-            packet[U((y << log2_width) + x)] = plane[U(y0 + y), U(x0 + x)]
+def load_plane(plane, column, packet, origin, size, lanes):
+    """Copies the lanes' pixels of `plane` into a working column: whole rows where every pixel has its lane."""
+    x0, y0 = origin
+    width, height = size
+    if lanes == width * height:
+        for y in range(height):
+            for x in range(width):
+                column[U(y * width + x)] = plane[U(y0 + y), U(x0 + x)]
+    else:
+        for j in range(lanes):
+            i = U(j)
+            column[i] = plane[U(y0 + packet.y[i]), U(x0 + packet.x[i])]
 
 
 @func
-def store_plane(plane, packet, x0, y0, width, height, log2_width):
-    """Copies a packet column back."""
-    for y in range(height):
-        for x in range(width):
-            plane[U(y0 + y), U(x0 + x)] = packet[U((y << log2_width) + x)]
+def store_plane(plane, column, packet, origin, size, lanes):
+    """Copies a working column back."""
+    x0, y0 = origin
+    width, height = size
+    if lanes == width * height:
+        for y in range(height):
+            for x in range(width):
+                plane[U(y0 + y), U(x0 + x)] = column[U(y * width + x)]
+    else:
+        for j in range(lanes):
+            i = U(j)
+            plane[U(y0 + packet.y[i]), U(x0 + packet.x[i])] = column[i]

@@ -5,6 +5,7 @@ tested and written one after the other. The same `shade` and `resolve` as in the
 TAP on, every fragment's fate, depth and outputs are copied out as well.
 """
 
+# ruff: noqa: F821
 from __future__ import annotations
 
 import numpy as np
@@ -52,19 +53,19 @@ def listed_bins(
     `tap` = (offset i64[bins], primitive i32[m], pixel i32[2, m], fate i32[m], depth f32[m], floats [k, m], ints
     [k, m]); bin b's fragments are written from offset[b] on. Without TAP it is not touched.
     """
-    u = rebuild_uniforms(uniforms)  # noqa: F821
-    t = rebuild_textures(textures)  # noqa: F821
+    u = rebuild_uniforms(uniforms)
+    t = rebuild_textures(textures)
     values = StencilValues(stencil_values[0], stencil_values[1], stencil_values[2])
     rect, depths, VF, VI = primitives
     start, items, first_bin, last_bin, bins_x = bins
     log2_width, log2_height = shape
     color_f, color_i, depth_plane, stencil_plane, invocation_plane = target
     tap_offset, tap_primitive, tap_pixel, tap_fate, tap_depth, tap_f, tap_i = tap
-    FW = np.zeros((IN_F + OUT_F + 1, PACKET), np.float32)  # noqa: F821
-    IW = np.zeros((IN_I + OUT_I + 4, PACKET), np.int32)  # noqa: F821
-    TF, OF, z_column = FW[:IN_F], FW[IN_F : IN_F + OUT_F], FW[IN_F + OUT_F]  # noqa: F821
-    TI, OI = IW[:IN_I], IW[IN_I : IN_I + OUT_I]  # noqa: F821
-    xs, ys, owner, kept = IW[IN_I + OUT_I], IW[IN_I + OUT_I + 1], IW[IN_I + OUT_I + 2], IW[IN_I + OUT_I + 3]  # noqa: F821
+    FW = np.zeros((IN_F + OUT_F + 1, PACKET), np.float32)
+    IW = np.zeros((IN_I + OUT_I + 4, PACKET), np.int32)
+    TF, OF, z_column = FW[:IN_F], FW[IN_F : IN_F + OUT_F], FW[IN_F + OUT_F]
+    TI, OI = IW[:IN_I], IW[IN_I : IN_I + OUT_I]
+    xs, ys, owner, kept = IW[IN_I + OUT_I], IW[IN_I + OUT_I + 1], IW[IN_I + OUT_I + 2], IW[IN_I + OUT_I + 3]
     local = np.zeros(COUNTS, np.int64)
     one, none = np.int64(1), np.int64(0)
     for b in range(first_bin, last_bin):
@@ -73,7 +74,7 @@ def listed_bins(
         item, last_item = start[U(b)], start[U(b + 1)]
         x, y = I(0), I(0)
         opened = False
-        at = tap_offset[U(b)] if TAP else none  # noqa: F821
+        at = tap_offset[U(b)] if TAP else none
         while item < last_item:
             # List fragments in submission order until the packet is full or the bin has no more
             n = 0
@@ -93,21 +94,21 @@ def listed_bins(
                     item += 1
                     opened = False
             # Shade
-            for k in range(IN_F):  # noqa: F821
+            for k in range(IN_F):
                 for j in range(n):
                     TF[U(k), U(j)] = input_floats[k][U(ys[U(j)]), U(xs[U(j)])]
-            for k in range(IN_I):  # noqa: F821
+            for k in range(IN_I):
                 for j in range(n):
                     TI[U(k), U(j)] = input_ints[k][U(ys[U(j)]), U(xs[U(j)])]
             for j in range(n):
                 i, p = U(j), U(owner[U(j)])
                 pixel = xs[i], ys[i]
                 keep, z, outputs = shade(
-                    fragment, TESTS, u, t, get_varyings(VF, VI, p), depths[p], get_inputs(TF, TI, i), pixel  # noqa: F821
+                    fragment, TESTS, u, t, get_varyings(VF, VI, p), depths[p], get_inputs(TF, TI, i), pixel
                 )
                 kept[i] = I(keep)
                 z_column[i] = z
-                put_outputs(OF, OI, i, outputs)  # noqa: F821
+                put_outputs(OF, OI, i, outputs)
             # Test and write, one after the other
             for j in range(n):
                 i = U(j)
@@ -115,33 +116,33 @@ def listed_bins(
                 keep = kept[i] != I(0)
                 old_stencil = I(stencil_plane[py, px])
                 masked = True
-                if TESTS.stencil_mode == STENCIL_MASK:  # noqa: F821
-                    masked = stencil_passes(TESTS.stencil, old_stencil, values.reference, values.read_mask)  # noqa: F821
+                if TESTS.stencil_mode == STENCIL_MASK:
+                    masked = stencil_passes(TESTS.stencil, old_stencil, values.reference, values.read_mask)
                 written, s_ok, d_ok, new_depth, new_stencil = resolve(
-                    TESTS, values, masked, keep, z_column[i], depth_plane[py, px], old_stencil  # noqa: F821
+                    TESTS, values, masked, keep, z_column[i], depth_plane[py, px], old_stencil
                 )
-                left1, left2 = stages(TESTS, masked, keep, s_ok, d_ok)  # noqa: F821
+                left1, left2 = stages(TESTS, masked, keep, s_ok, d_ok)
                 add_fates(
-                    TESTS, local, one, np.int64(masked), np.int64(left1), np.int64(left2), np.int64(written)  # noqa: F821
+                    TESTS, local, one, np.int64(masked), np.int64(left1), np.int64(left2), np.int64(written)
                 )
                 depth_plane[py, px] = new_depth
-                if TESTS.stencil_mode != STENCIL_OFF:  # noqa: F821
+                if TESTS.stencil_mode != STENCIL_OFF:
                     stencil_plane[py, px] = np.uint8(new_stencil)
-                fate = fate_of(TESTS, masked, keep, s_ok, d_ok)  # noqa: F821
+                fate = fate_of(TESTS, masked, keep, s_ok, d_ok)
                 if fate != EARLY_STENCIL and fate != EARLY_DEPTH:
                     invocation_plane[py, px] += I(1)
                 if written:
-                    for c in range(OUT_F):  # noqa: F821
+                    for c in range(OUT_F):
                         color_f[U(c), py, px] = OF[U(c), i]
-                    for c in range(OUT_I):  # noqa: F821
+                    for c in range(OUT_I):
                         color_i[U(c), py, px] = OI[U(c), i]
-                if TAP:  # noqa: F821
+                if TAP:
                     a = U(at)
                     tap_primitive[a], tap_pixel[0, a], tap_pixel[1, a] = owner[i], xs[i], ys[i]
                     tap_fate[a], tap_depth[a] = I(fate), z_column[i]
-                    for c in range(OUT_F):  # noqa: F821
+                    for c in range(OUT_F):
                         tap_f[U(c), a] = OF[U(c), i]
-                    for c in range(OUT_I):  # noqa: F821
+                    for c in range(OUT_I):
                         tap_i[U(c), a] = OI[U(c), i]
                     at += 1
     for c in range(COUNTS):

@@ -125,8 +125,7 @@ class Program:
     @cached_property
     def dense(self) -> Any:
         """Fragment stage over bins in vectorised passes."""
-        in_loop = self.tests.stencil_mode == STENCIL_IN_LOOP and self.tests.early_stencil
-        return specialise(dense_bins, {**self._fragment_slots, "COUNT_LANES": self.tests.tests_first or in_loop})
+        return specialise(dense_bins, self._fragment_slots)
 
     @cached_property
     def listed(self) -> Any:

@@ -20,6 +20,9 @@ HALF = np.float32(0.5)
 I = np.int32  # noqa: E741
 U = np.uintp
 
+# What becomes of a primitive
+DRAWN, CLIPPED, EMPTY, CROOKED = np.int32(0), np.int32(1), np.int32(2), np.int32(3)
+
 
 @func
 def inside_clip_volume(x, y, z, w):
@@ -37,7 +40,7 @@ def first_pixel(edge, low, high):
 
 @func
 def rasterise_points(position, size, count, viewport, bounds, rect, depth, fate):
-    """Rectangles of `count` points. `fate`: 0 drawn, 1 clipped, 2 covers no pixel."""
+    """Rectangles of `count` points. `fate`: drawn, clipped or empty (covers no pixel)."""
     vx, vy, vw, vh, z0, z1 = viewport
     bx0, by0, bx1, by1 = bounds
     for j in range(count):
@@ -57,12 +60,12 @@ def rasterise_points(position, size, count, viewport, bounds, rect, depth, fate)
         rect[3, i] = by
         depth[i] = z0 + z * inverse * (z1 - z0)
         empty = (bx <= ax) | (by <= ay) | (not (half > F0))
-        fate[i] = I(1) if not inside else (I(2) if empty else I(0))
+        fate[i] = CLIPPED if not inside else (EMPTY if empty else DRAWN)
 
 
 @func
 def rasterise_quads(position, count, viewport, bounds, rect, depth, fate):
-    """Rectangles of `count` quads of four vertices each. `fate` 3: the quad is not an axis-aligned rectangle."""
+    """Rectangles of `count` quads of four vertices each. `fate` crooked: no axis-aligned rectangle."""
     vx, vy, vw, vh, z0, z1 = viewport
     bx0, by0, bx1, by1 = bounds
     for j in range(count):
@@ -96,21 +99,22 @@ def rasterise_quads(position, count, viewport, bounds, rect, depth, fate):
         flat = (left == right) | (top == bottom)
         rectangle = (corners == 15) | (flat & (corners < 16))
         empty = (bx <= ax) | (by <= ay)
-        fate[i] = I(1) if not inside else (I(3) if not rectangle else (I(2) if empty else I(0)))
+        fate[i] = CLIPPED if not inside else (CROOKED if not rectangle else (EMPTY if empty else DRAWN))
 
 
-def bin_primitives(rect, first, count, log2_width, log2_height, bins_x, start, items):
-    """Sorts primitives [first, count) into bins by counting; stops before `items` overflows.
+def bin_primitives(rect, ids, first, log2_width, log2_height, bins_x, start, items):
+    """Sorts primitives ids[first:] into bins by counting; stops before `items` overflows.
 
-    `rect` i32[n, 4] rows; `start` i64[bins + 2], of which [b, b + 1) bounds bin b afterwards; `items` i32[capacity].
-    Returns the number of the first primitive that was left out. Submission order is kept within every bin.
+    `rect` i32[n, 4] rows; `ids` i32[m] rows of `rect` in submission order; `start` i64[bins + 2], of which [b, b + 1)
+    bounds bin b afterwards; `items` i32[capacity] rows of `rect`. Returns the place in `ids` of the first primitive
+    that was left out. Submission order is kept within every bin.
     """
     bins = start.shape[0] - 2
     start[:] = 0
     last = first
     total = np.int64(0)
-    while last < count:
-        i = U(last)
+    while last < ids.shape[0]:
+        i = U(ids[U(last)])
         bx0, by0 = rect[i, 0] >> log2_width, rect[i, 1] >> log2_height
         bx1, by1 = (rect[i, 2] - 1) >> log2_width, (rect[i, 3] - 1) >> log2_height
         total += np.int64(bx1 - bx0 + 1) * np.int64(by1 - by0 + 1)
@@ -122,11 +126,11 @@ def bin_primitives(rect, first, count, log2_width, log2_height, bins_x, start, i
         last += 1
     for b in range(2, bins + 2):
         start[U(b)] += start[U(b - 1)]
-    for p in range(first, last):
-        i = U(p)
+    for k in range(first, last):
+        i = U(ids[U(k)])
         for by in range(rect[i, 1] >> log2_height, ((rect[i, 3] - 1) >> log2_height) + 1):
             for bx in range(rect[i, 0] >> log2_width, ((rect[i, 2] - 1) >> log2_width) + 1):
                 slot = U(by * bins_x + bx + 1)
-                items[U(start[slot])] = I(p)
+                items[U(start[slot])] = I(i)
                 start[slot] += 1
     return last

@@ -6,12 +6,13 @@ varyings (flat interpolation takes the first vertex, WebGPU's default). Invocati
 instance, whatever is evaluated. Indexed draws count each index: no vertex cache is modelled.
 """
 
+# ruff: noqa: F821
 from __future__ import annotations
 
 import numpy as np
 
 from refsim.pipeline.layout import Layout, device_function
-from refsim.pipeline.raster import rasterise_points, rasterise_quads
+from refsim.pipeline.raster import CLIPPED, CROOKED, DRAWN, EMPTY, rasterise_points, rasterise_quads
 from refsim.pipeline.state import VertexBufferLayout, VertexStepMode
 
 BLOCK = 2048
@@ -25,18 +26,18 @@ def front_end(
     """Runs primitives [first, first + count) of the draw; appends survivors to rect, depth, source, VF, VI.
 
     `rect` i32[c, 4], `depth` f32[c], `source` i64[c] (number of the primitive in the draw), `VF` f32[c, k], `VI`
-    i32[c, k]; `fates` i64[4] gains the numbers of primitives drawn, clipped, empty and not rectangular. Returns the
-    number of survivors.
+    i32[c, k]; `fates` i64[4] receives the numbers of primitives drawn, clipped, empty and not rectangular.
     """
-    u = rebuild_uniforms(uniforms)  # noqa: F821
-    t = rebuild_textures(textures)  # noqa: F821
-    position = np.empty((4, BLOCK * CORNERS), np.float32)  # noqa: F821
-    size = np.empty(BLOCK * CORNERS, np.float32)  # noqa: F821
+    u = rebuild_uniforms(uniforms)
+    t = rebuild_textures(textures)
+    position = np.empty((4, BLOCK * CORNERS), np.float32)
+    size = np.empty(BLOCK * CORNERS, np.float32)
     block_rect = np.empty((4, BLOCK), np.int32)
     block_depth = np.empty(BLOCK, np.float32)
     fate = np.empty(BLOCK, np.int32)
-    per_instance = n_vertices // CORNERS  # noqa: F821
+    per_instance = n_vertices // CORNERS
     kept = 0
+    clipped, empty, crooked = np.int64(0), np.int64(0), np.int64(0)
     done = 0
     while done < count:
         # A run of primitives of one instance, so that the inner loop advances only through vertices
@@ -44,56 +45,58 @@ def front_end(
         instance = primitive // per_instance
         start = primitive - instance * per_instance
         run = min(min(per_instance - start, count - done), BLOCK)
-        for j in range(run * CORNERS):  # noqa: F821
-            vertex = U(start * CORNERS + j)  # noqa: F821
-            if INDEXED:  # noqa: F821
+        for j in range(run * CORNERS):
+            vertex = U(start * CORNERS + j)
+            if INDEXED:
                 vertex = U(indices[vertex])
-            attributes = fetch(buffers, vertex, U(instance))  # noqa: F821
-            p, s, _ = vertex_shader(u, t, attributes, I(vertex), I(instance))  # noqa: F821
+            attributes = fetch(buffers, vertex, U(instance))
+            p, s, _ = vertex_shader(u, t, attributes, I(vertex), I(instance))
             position[0, U(j)] = p[0]
             position[1, U(j)] = p[1]
             position[2, U(j)] = p[2]
             position[3, U(j)] = p[3]
             size[U(j)] = s
-        if CORNERS == 1:  # noqa: F821
+        if CORNERS == 1:
             rasterise_points(position, size, run, viewport, bounds, block_rect, block_depth, fate)
         else:
             rasterise_quads(position, run, viewport, bounds, block_rect, block_depth, fate)
         # Survivors get their varyings
         for j in range(run):
             i = U(j)
-            fates[U(fate[i])] += 1
-            if fate[i] == I(0):
-                vertex = U((start + j) * CORNERS)  # noqa: F821
-                if INDEXED:  # noqa: F821
+            clipped += np.int64(fate[i] == CLIPPED)
+            empty += np.int64(fate[i] == EMPTY)
+            crooked += np.int64(fate[i] == CROOKED)
+            if fate[i] == DRAWN:
+                vertex = U((start + j) * CORNERS)
+                if INDEXED:
                     vertex = U(indices[vertex])
-                attributes = fetch(buffers, vertex, U(instance))  # noqa: F821
-                _, _, varyings = vertex_shader(u, t, attributes, I(vertex), I(instance))  # noqa: F821
-                put_varyings(VF, VI, U(kept), varyings)  # noqa: F821
+                attributes = fetch(buffers, vertex, U(instance))
+                _, _, varyings = vertex_shader(u, t, attributes, I(vertex), I(instance))
+                put_varyings(VF, VI, U(kept), varyings)
                 for k in range(4):
                     rect[U(kept), U(k)] = block_rect[U(k), i]
                 depth[U(kept)] = block_depth[i]
                 source[U(kept)] = primitive + j
                 kept += 1
         done += run
-    return kept
+    fates[0], fates[1], fates[2], fates[3] = kept, clipped, empty, crooked
 
 
 def positions(uniforms, textures, buffers, indices, n_vertices, first, count, position, size, VF, VI):
     """The vertex tap: positions, sizes and varyings of invocations [first, first + count), in order."""
-    u = rebuild_uniforms(uniforms)  # noqa: F821
-    t = rebuild_textures(textures)  # noqa: F821
+    u = rebuild_uniforms(uniforms)
+    t = rebuild_textures(textures)
     for j in range(count):
         instance = (first + j) // n_vertices
         vertex = U(first + j - instance * n_vertices)
-        if INDEXED:  # noqa: F821
+        if INDEXED:
             vertex = U(indices[vertex])
-        attributes = fetch(buffers, vertex, U(instance))  # noqa: F821
-        p, s, varyings = vertex_shader(u, t, attributes, I(vertex), I(instance))  # noqa: F821
+        attributes = fetch(buffers, vertex, U(instance))
+        p, s, varyings = vertex_shader(u, t, attributes, I(vertex), I(instance))
         for k in range(4):
             position[U(k), U(j)] = p[k]
         size[U(j)] = s
-        put_varyings(VF, VI, U(j), varyings)  # noqa: F821
+        put_varyings(VF, VI, U(j), varyings)
 
 
 def attribute_fetcher(buffers: tuple[VertexBufferLayout, ...]):

@@ -121,7 +121,7 @@ def trace_of(method: str, scene: Scene, eye: Rays, generations: list[Generation]
         goes_on = generation.next_rays.t_max > 0
         following = generation.next_rays
         for column, new in zip(last, (following.origin, following.direction, following.t_max), strict=True):
-            column[goes_on] = new[goes_on]
+            np.copyto(column, new, where=goes_on[:, None] if column.ndim == 2 else goes_on)
     counters = Counters()
     for generation in generations:
         counters.merge(generation.counters)
