@@ -11,7 +11,7 @@ from refsim.pipeline.resources import MAX_TARGET_PIXELS, Framebuffer, Texture
 from refsim.pipeline.state import ScissorRect
 from refsim.scene.mesh import Scene
 from refsim.scene.rays import Hits, Rays
-from refsim.trace import Cones, Generation, RayKind, TileState, Trace, summed_per_ray
+from refsim.results import Cones, Generation, RayKind, TileState, Trace, summed_per_ray
 
 
 def image_size(rays: Rays) -> tuple[int, int]:

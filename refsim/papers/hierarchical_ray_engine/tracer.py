@@ -22,7 +22,7 @@ from refsim.pipeline.state import DepthStencilFormat, DynamicState, EarlyTests, 
 from refsim.pipeline.taps import Taps
 from refsim.scene.mesh import Scene
 from refsim.scene.rays import Rays
-from refsim.trace import Cones, Generation, Trace
+from refsim.results import Cones, Generation, Trace
 
 STENCIL_BITS = 8
 ALL_BITS = 0xFF

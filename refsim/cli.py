@@ -1,0 +1,255 @@
+"""The command line: parses and prints, nothing else.
+
+    refsim render METHOD SCENE      refsim scenes      refsim doctor      refsim reproduce PAPER
+
+Exit codes: 0 fine, 1 something is wrong (doctor), 2 cannot (bad input), 130 interrupted. A refusal is one line on
+stderr that names the culprit. Whatever a command needs is imported inside it, so that help and refusals are instant.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from refsim.errors import InputError
+
+CANNOT = 2
+INTERRUPTED = 130
+BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+class Size(click.ParamType):
+    """``256`` or ``320x240``: width and height in pixels. How large is too large is for the camera to say."""
+
+    name = "size"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        if isinstance(value, tuple):
+            return value
+        numbers = value.lower().split("x")
+        try:
+            width, height = (int(n) for n in (numbers * 2 if len(numbers) == 1 else numbers))
+        except ValueError:
+            self.fail(f"{value!r} is not a size such as 256 or 320x240", param, ctx)
+        if width < 1 or height < 1:
+            self.fail(f"{value!r} has no pixels; give a size such as 256 or 320x240", param, ctx)
+        return width, height
+
+
+class Vector(click.ParamType):
+    """``x,y,z``."""
+
+    name = "x,y,z"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float, float]:
+        try:
+            x, y, z = (float(n) for n in value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not three numbers x,y,z", param, ctx)
+        return x, y, z
+
+
+# Options handed to the method as they are, if and only if they were given: defaults and checks live with the methods.
+METHOD_OPTIONS = (
+    click.option("--generations", type=int, metavar="N", help="Length of a path, the eye ray included."),
+    click.option("--ior", type=float, metavar="X", help="Index of refraction of glass."),
+    click.option("--material", metavar="NAME", help="glass or mirror, for every triangle."),
+    click.option("--environment", metavar="NAME|FILE", help="What rays that leave see."),
+    click.option("--facing", metavar="WHICH", help="both or front: the sides of a triangle that are hit."),
+    click.option("--shading", metavar="NORMAL", help="geometric or smooth."),
+    click.option("--view", type=Vector(), help="Direction from the scene's centre to the camera."),
+    click.option("--fov", type=float, metavar="DEGREES", help="Vertical field of view."),
+    click.option("--fill", type=float, metavar="X", help="Distance, as a share of that which shows the whole scene."),
+    click.option("--tile-size", type=int, metavar="N", help="Side of a tile of rays, in pixels."),
+    click.option("--submission", metavar="ORDER", help="tile or primitive."),
+    click.option("--early-tests", metavar="POLICY", help="ideal, mesa, none or forced."),
+    click.option("--errata", metavar="WHICH", help="corrected or as_printed."),
+    click.option("--backend", metavar="NAME", help="numba or numpy."),
+    click.option("--threads", type=int, metavar="N", help="Threads to run on."),
+)
+
+
+def method_options(command: Command) -> Command:
+    """Add :data:`METHOD_OPTIONS`, in their order."""
+    for option in reversed(METHOD_OPTIONS):
+        command = option(command)
+    return command
+
+
+as_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+
+
+def print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    """Print name and version, and stop."""
+    if wanted and not ctx.resilient_parsing:
+        import refsim
+
+        click.echo(f"refsim {refsim.__version__}")
+        ctx.exit()
+
+
+@click.group(invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=print_version, help="Show version."
+)
+@click.pass_context
+def commands(ctx: click.Context) -> None:
+    """Run the ray tracers of three papers on a simulated graphics pipeline, and count everything."""
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
+
+
+@commands.command()
+@click.argument("method")
+@click.argument("scene")
+@click.option("--size", type=Size(), default="256", show_default=True, metavar="N|WxH", help="Size in pixels.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="FILE", help="The PNG to write; SCENE.png if not given."
+)
+@method_options
+@as_json
+def render(method: str, scene: str, size: tuple[int, int], out: Path | None, as_json: bool, **options: object) -> None:
+    """Render SCENE with METHOD.
+
+    SCENE is a name that `refsim scenes` lists, or a PLY, OBJ, STL or GLB file. METHOD is ray_engine,
+    hierarchical_ray_engine or brute_force.
+    """
+    from refsim.counters import REGISTRY
+    from refsim.image import check_destination, write_png
+    from refsim.progress import progress
+
+    path = out or Path(f"{Path(scene).stem}.png")
+    check_destination(path)
+    given = {name: value for name, value in options.items() if value is not None}
+
+    started = time.perf_counter()
+    import refsim
+
+    with progress(None, f"{method} on {scene}"):
+        image = refsim.render(method, scene, *size, **given)
+    rendered = time.perf_counter()
+    write_png(path, image.rgb)
+    written = time.perf_counter()
+
+    seconds = {"render": round(rendered - started, 4), "write": round(written - rendered, 4)}
+    counters = {name: int(value) for name, value in image.trace.counters.items()}
+    if as_json:
+        head = {"method": method, "scene": scene, "width": size[0], "height": size[1], "options": given}
+        print_json({**head, "counters": counters, "seconds": seconds, "image": str(path)})
+        return
+    click.echo(f"{method} on {scene}, {size[0]} x {size[1]}: {path} in {seconds['render']:.2f} s")
+    print_table([(name, f"{value:,} {REGISTRY[name].unit}") for name, value in counters.items()])
+
+
+@commands.command()
+@as_json
+def scenes(as_json: bool) -> None:
+    """List scenes and real meshes.
+
+    The meshes are those in the folder that REFSIM_SCENES names; known ones that it lacks read `missing`.
+    """
+    from refsim import doctor
+
+    listing = doctor.scenes()
+    if as_json:
+        print_json(listing)
+    else:
+        print_table(doctor.scene_rows(listing))
+
+
+@commands.command()
+@as_json
+@click.pass_context
+def doctor(ctx: click.Context, as_json: bool) -> None:
+    """Say what refsim finds here.
+
+    The exit code is 1 if something that refsim needs is wrong, a missing mesh or tool not included.
+    """
+    from refsim import doctor as examination
+
+    report = examination.examine()
+    if as_json:
+        print_json(report)
+    else:
+        print_table(examination.rows(report))
+    ctx.exit(1 if report["problems"] else 0)
+
+
+@commands.command()
+@click.argument("paper", type=click.Choice(["hre"]), default="hre", metavar="PAPER")
+@click.option("--quick", is_flag=True, help="Smaller sizes, in two minutes at most.")
+@click.option("--only", metavar="ID", help="One figure or table.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("figures"),
+    show_default=True,
+    metavar="DIR",
+    help="Where pictures and the CSV behind each go.",
+)
+def reproduce(paper: str, quick: bool, only: str | None, out: Path) -> None:
+    """Make a paper's figures again.
+
+    PAPER is hre, the Hierarchical Ray Engine. Each figure or table is a picture and the CSV behind it.
+    """
+    from refsim import experiments
+    from refsim.progress import progress
+
+    for path in experiments.reproduce(paper, quick=quick, only=only, out=out, progress=progress):
+        click.echo(path)
+
+
+def print_json(value: object) -> None:
+    """Print ``value`` as one JSON object."""
+    click.echo(json.dumps(value, indent=2))
+
+
+def print_table(rows: Sequence[tuple[str, str]]) -> None:
+    """Print names and values in two columns; on a terminal the names are dim."""
+    width = max((len(name) for name, _ in rows), default=0)
+    for name, value in rows:
+        click.echo(f"  {click.style(name.ljust(width), dim=True)}  {value}")
+
+
+def refuse(message: str) -> int:
+    """Say on one line of stderr why nothing was done."""
+    click.echo(f"refsim: {' '.join(message.split())}", err=True)
+    return CANNOT
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Parse, run, and return the exit code; click's own main() would print usage blocks and empty lines of its own."""
+    try:
+        with commands.make_context("refsim", list(arguments)) as ctx:
+            commands.invoke(ctx)
+    except click.exceptions.Exit as end:
+        return end.exit_code
+    return 0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command ``refsim`` with ``arguments``, the process's own if None; returns its exit code."""
+    try:
+        return run(sys.argv[1:] if arguments is None else arguments)
+    except click.ClickException as error:
+        return refuse(error.format_message())
+    except InputError as error:
+        return refuse(str(error))
+    except (KeyboardInterrupt, click.exceptions.Abort):
+        click.echo("refsim: interrupted", err=True)
+        return INTERRUPTED
+    except BrokenPipeError:
+        # The reader has gone: nobody is left to tell, not even by the flush at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
