@@ -1,0 +1,1 @@
+"""Device functions, one subject a file: vectors, triangles, spheres, cones, optics."""
