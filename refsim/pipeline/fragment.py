@@ -22,6 +22,7 @@ from refsim.pipeline.state import StencilFaceState
 from refsim.pipeline.stencil import compare, stencil_passes, stencil_update
 
 PACKET = 1024
+STRIDE = PACKET + 16  # columns a cache line beyond 4 KiB apart, or they would all fall into one cache set
 BLOCK = 64
 I = np.int32  # noqa: E741
 U = np.uintp
@@ -87,8 +88,8 @@ class Packet(NamedTuple):
 @func
 def new_packet(in_f, in_i, out_f, out_i):
     """Columns for a draw. They are rows of two arrays, so that the compiler can prove that they do not overlap."""
-    F = np.zeros((in_f + 2 * out_f + 1, PACKET), np.float32)
-    N = np.zeros((in_i + 2 * out_i + 7, PACKET), np.int32)
+    F = np.zeros((in_f + 2 * out_f + 1, STRIDE), np.float32)
+    N = np.zeros((in_i + 2 * out_i + 7, STRIDE), np.int32)
     a, b, c = in_f + out_f, in_f + 2 * out_f, in_i + out_i
     d = in_i + 2 * out_i
     return Packet(

@@ -1,0 +1,95 @@
+"""Every method end to end in plain NumPy: no pipeline, no compiled code (option ``backend="numpy"``).
+
+Same hits, rays, cones and counters as the pipeline, bit for bit, from the equations of `triangle`, `optics`, `cone`
+and `sphere` in float32. One NumPy pass over the pixels a triangle, and for the cones one over the tiles a ray of the
+fullest tile: some 50 µs × triangles × generations plus 1 ms × tile size² × generations at 32 × 24 rays. Meant for
+images of a few thousand rays and scenes of a few hundred triangles; memory is a few columns a pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from refsim.counters import Counters
+from refsim.errors import InputError
+from refsim.reference import engines
+from refsim.reference.surfaces import Following, Surfaces, following_rays, shoot
+from refsim.results import Generation, Trace, summed_per_ray
+from refsim.scene.mesh import Scene
+from refsim.scene.rays import Rays
+
+Pass = Callable[[int, Rays, np.ndarray], Generation]
+
+
+def trace(name: str, scene: Scene, rays: Rays, options: Mapping[str, Any]) -> Trace:
+    """Traces with the method of that name; `options` are all of the method's, checked (`refsim.methods`).
+
+    `threads` means nothing here and `submission` changes nothing: every pixel sees the triangles in file order either
+    way. Raises `InputError` for taps (there are no stages to tap), for no rays, and for an unknown name.
+    """
+    if options.get("taps") is not None:
+        raise InputError("backend='numpy' has no stages to tap; leave taps out or choose backend='numba'.")
+    passes: dict[str, Callable[[Scene, Rays, Mapping[str, Any]], Pass]] = {
+        "brute_force": brute_force,
+        "ray_engine": engines.ray_engine,
+        "hierarchical_ray_engine": engines.hierarchical_ray_engine,
+    }
+    if name not in passes:
+        raise InputError(f"there is no method {name!r} in the reference; choose from {', '.join(passes)}.")
+    if len(rays) == 0:
+        raise InputError("there are no rays to trace.")
+    run = passes[name](scene, rays, options)
+    found: list[Generation] = []
+    shot, kind = rays, np.zeros(len(rays), np.int32)
+    for k in range(options["generations"]):
+        generation = run(k, shot, kind)
+        found.append(generation)
+        assert generation.next_rays is not None and generation.next_kind is not None
+        shot, kind = generation.next_rays, generation.next_kind
+    counters = Counters()
+    for generation in found:
+        counters.merge(generation.counters)
+    counters.add("intersection.degenerate_triangles", int(scene.degenerate.sum()))
+    counters.check()
+    return Trace(name, scene, {}, tuple(found), exit_rays(rays, found), counters, summed_per_ray(found, len(rays)))
+
+
+def exit_rays(eye: Rays, generations: list[Generation]) -> Rays:
+    """The last ray of each path: a miss or a diffuse hit sends none, so the ray that was shot stays."""
+    origin, direction, t_max = eye.origin.copy(), eye.direction.copy(), eye.t_max.copy()
+    for generation in generations:
+        new = generation.next_rays
+        assert new is not None
+        goes_on = new.t_max > 0
+        origin[goes_on], direction[goes_on], t_max[goes_on] = (
+            new.origin[goes_on],
+            new.direction[goes_on],
+            new.t_max[goes_on],
+        )
+    return Rays.unchecked(origin, direction, t_max, eye.width, eye.height)
+
+
+def brute_force(scene: Scene, eye: Rays, options: Mapping[str, Any]) -> Pass:
+    """Every live ray against every triangle; nothing but tests and rays is counted."""
+    surfaces = Surfaces.of(scene, options)
+
+    def run(k: int, rays: Rays, kind: np.ndarray) -> Generation:
+        columns = engines.Image.of(rays)
+        found = engines.Found.nothing(len(columns))
+        nearest = columns.t_max.copy()
+        for triangle in range(len(scene)):
+            hit, t, u, v = shoot(surfaces, triangle, columns.origin, columns.direction, nearest)
+            nearest[hit] = t[hit]
+            found.write(hit, triangle, t, u, v)
+        new: Following = following_rays(surfaces, columns.origin, columns.direction, found.triangle, found.t, found.u, found.v)
+        alive = rays.t_max > 0
+        tests = np.zeros(len(columns), np.int32)
+        tests[: len(rays)][alive] = len(scene)
+        counters = Counters()
+        counters.add("intersection.triangle_tests", int(tests.sum(dtype=np.int64)))
+        return engines.generation_of(k, rays, kind, found, new, tests, counters, None)
+
+    return run
