@@ -117,3 +117,26 @@ def summed_per_ray(generations: list[Generation], pixels: int) -> dict[str, NDAr
             else:
                 np.add.at(totals[name], generation.pixel, counts)
     return totals
+
+
+def last_rays(generations: list[Generation]) -> Rays:
+    """The last ray of each path (image methods): the one that missed or ended on a diffuse surface, or the ray that the
+    last generation's hit sent on."""
+    eye = generations[0].rays
+    last = [eye.origin.copy(), eye.direction.copy(), eye.t_max.copy()]
+    goes_on = np.ones(len(eye), np.bool_)
+    for k, generation in enumerate(generations):
+        following = generation.next_rays
+        assert following is not None
+        sent_on = following.t_max > 0
+        if k > 0:
+            _take(last, generation.rays, np.flatnonzero(goes_on & ~sent_on))
+        goes_on = sent_on
+    assert following is not None
+    _take(last, following, np.flatnonzero(goes_on))
+    return Rays.unchecked(last[0], last[1], last[2], eye.width, eye.height)
+
+
+def _take(columns: list[NDArray[np.float32]], rays: Rays, rows: NDArray[np.intp]) -> None:
+    for column, new in zip(columns, (rays.origin, rays.direction, rays.t_max), strict=True):
+        column[rows] = new[rows]

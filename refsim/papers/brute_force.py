@@ -19,7 +19,7 @@ from refsim.geometry.vector import add, normalise, scale
 from refsim.jit import specialise
 from refsim.scene.mesh import Scene
 from refsim.scene.rays import Hits, Rays
-from refsim.results import Generation, RayKind, Trace, summed_per_ray
+from refsim.results import Generation, RayKind, Trace, last_rays, summed_per_ray
 
 BLOCK = 256
 F0 = np.float32(0)
@@ -90,7 +90,7 @@ def trace_brute_force(
     workers = threads or len(os.sched_getaffinity(0))
     n = len(rays)
     kind = np.zeros(n, np.int32)
-    eye, last = rays, [rays.origin.copy(), rays.direction.copy(), rays.t_max.copy()]
+    eye = rays
     found: list[Generation] = []
     for k in range(generations):
         origin, direction = np.ascontiguousarray(rays.origin.T), np.ascontiguousarray(rays.direction.T)
@@ -112,16 +112,12 @@ def trace_brute_force(
         )
         hits = Hits(triangle, hit[0].copy(), hit[1].copy(), hit[2].copy())
         found.append(_generation(k, rays, hits, kind, following, new_kind, len(scene.triangles)))
-        goes_on = following.t_max > 0
-        for column, new in zip(last, (following.origin, following.direction, following.t_max), strict=True):
-            np.copyto(column, new, where=goes_on[:, None] if column.ndim == 2 else goes_on)
         rays, kind = following, new_kind
     counters = Counters()
     for generation in found:
         counters.merge(generation.counters)
     counters.add("intersection.degenerate_triangles", int(scene.degenerate.sum()))
-    exit_rays = Rays.unchecked(last[0], last[1], last[2], eye.width, eye.height)
-    return Trace("brute_force", scene, {}, tuple(found), exit_rays, counters, summed_per_ray(found, n))
+    return Trace("brute_force", scene, {}, tuple(found), last_rays(found), counters, summed_per_ray(found, n))
 
 
 def _generation(

@@ -27,6 +27,7 @@ from refsim.pipeline.fragment import (
     select_plane,
     store_plane,
 )
+from refsim.pipeline.state import StencilOperation
 
 I = np.int32  # noqa: E741
 U = np.uintp
@@ -119,9 +120,9 @@ def dense_bins(
                 pending = I(pending + 1)
             covered = np.int64(bx - ax) * np.int64(by - ay)
             add_fates(TESTS, local, covered, masked, np.int64(n1), np.int64(n2), np.int64(n3))
-            # The mask outlives a write unless the write reaches bits that it reads
+            # The mask outlives a write, or a depth failure that counts, unless that reaches bits that it reads
             if TESTS.stencil_mode == STENCIL_MASK:
-                fresh = fresh and (fixed or n3 == OFF)
+                fresh = fresh and (fixed or (n3 == OFF and TESTS.stencil.depth_fail_op == StencilOperation.KEEP))
         # Store what changed
         add_pending(packet, pending, lanes)
         for j in range(lanes):

@@ -21,15 +21,15 @@ UNORM24 = np.float64(2**24 - 1)
 
 @func
 def stored_depth(depth_format, z):
-    """`z` clamped to [0, 1] (NaN becomes 0) in the units of `depth_format`; float32."""
-    z = z if z > F0 else F0
-    z = z if z < F1 else F1
+    """`z` clamped to [0, 1] (NaN becomes 1, the far end) in the units of `depth_format`; float32."""
+    z = max(F0, min(F1, z))  # in this order and with these functions: two instructions a packet, and NaN is settled
     return F(np.floor(np.float64(z) * UNORM24 + HALF)) if depth_format == DepthStencilFormat.DEPTH24UNORM_STENCIL8 else z
 
 
 def clear_value(depth_format: DepthStencilFormat, z: float) -> np.float32:
     """The stored value of a clear to depth `z`; the NumPy twin of `stored_depth`."""
-    z32 = np.float32(min(max(z, 0.0), 1.0))
+    z = z if z > 0.0 else 0.0
+    z32 = np.float32(z if z < 1.0 else 1.0)
     if depth_format == DepthStencilFormat.DEPTH24UNORM_STENCIL8:
         return np.float32(np.floor(np.float64(z32) * UNORM24 + 0.5))
     return z32

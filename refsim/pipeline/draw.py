@@ -73,7 +73,7 @@ class _Round:
         self.source = np.empty(count, np.int64)
         self.floats = np.empty((count, program.varyings.floats), np.float32)
         self.ints = np.empty((count, program.varyings.ints), np.int32)
-        self.fates = np.zeros((-(-count // size), 4), np.int64)
+        self.fates = np.zeros((-(-count // size), 5), np.int64)
 
     def columns(self, part: int) -> tuple[np.ndarray, ...]:
         """The columns of one slice, to be filled."""
@@ -84,11 +84,6 @@ class _Round:
         """Rows of the survivors in submission order, int32."""
         kept = [np.arange(k * self.size, k * self.size + n, dtype=np.int32) for k, n in enumerate(self.fates[:, 0])]
         return np.concatenate(kept)
-
-    def mean_area(self, survivors: np.ndarray) -> float:
-        """Mean number of pixels a survivor covers."""
-        rect = self.rect[survivors].astype(np.int64)
-        return float(((rect[:, 2] - rect[:, 0]) * (rect[:, 3] - rect[:, 1])).mean())
 
 
 def draw(
@@ -185,7 +180,7 @@ def _run_fragments(
     if not len(survivors):
         return
     framebuffer = call.framebuffer
-    area = part.mean_area(survivors)
+    area = float(part.fates[:, 4].sum()) / len(survivors)
     shape = _bin_shape(area, framebuffer, threads)
     bins_x = -(-framebuffer.width // (1 << shape[0]))
     bins = bins_x * -(-framebuffer.height // (1 << shape[1]))
@@ -241,7 +236,7 @@ def _groups(start: np.ndarray, bins: int, threads: int) -> list[tuple[int, int]]
 
 
 def _add_primitive_fates(counters: Counters, fates: np.ndarray) -> None:
-    drawn, clipped, empty, crooked = (int(fate) for fate in fates)
+    drawn, clipped, empty, crooked, _ = (int(fate) for fate in fates)
     if crooked:
         raise InputError(f"{crooked} quads are not axis-aligned rectangles of the screen; quad-list draws only those.")
     counters.add("raster.drawn", drawn)

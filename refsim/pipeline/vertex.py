@@ -26,7 +26,8 @@ def front_end(
     """Runs primitives [first, first + count) of the draw; appends survivors to rect, depth, source, VF, VI.
 
     `rect` i32[c, 4], `depth` f32[c], `source` i64[c] (number of the primitive in the draw), `VF` f32[c, k], `VI`
-    i32[c, k]; `fates` i64[4] receives the numbers of primitives drawn, clipped, empty and not rectangular.
+    i32[c, k]; `fates` i64[5] receives the numbers of primitives drawn, clipped, empty and not rectangular, and of
+    the pixels that are covered.
     """
     u = rebuild_uniforms(uniforms)
     t = rebuild_textures(textures)
@@ -37,7 +38,7 @@ def front_end(
     fate = np.empty(BLOCK, np.int32)
     per_instance = n_vertices // CORNERS
     kept = 0
-    clipped, empty, crooked = np.int64(0), np.int64(0), np.int64(0)
+    clipped, empty, crooked, area = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     done = 0
     while done < count:
         # A run of primitives of one instance, so that the inner loop advances only through vertices
@@ -75,11 +76,12 @@ def front_end(
                 put_varyings(VF, VI, U(kept), varyings)
                 for k in range(4):
                     rect[U(kept), U(k)] = block_rect[U(k), i]
+                area += np.int64(block_rect[2, i] - block_rect[0, i]) * np.int64(block_rect[3, i] - block_rect[1, i])
                 depth[U(kept)] = block_depth[i]
                 source[U(kept)] = primitive + j
                 kept += 1
         done += run
-    fates[0], fates[1], fates[2], fates[3] = kept, clipped, empty, crooked
+    fates[0], fates[1], fates[2], fates[3], fates[4] = kept, clipped, empty, crooked, area
 
 
 def positions(uniforms, textures, buffers, indices, n_vertices, first, count, position, size, VF, VI):

@@ -11,7 +11,7 @@ from refsim.pipeline.resources import MAX_TARGET_PIXELS, Framebuffer, Texture
 from refsim.pipeline.state import ScissorRect
 from refsim.scene.mesh import Scene
 from refsim.scene.rays import Hits, Rays
-from refsim.results import Cones, Generation, RayKind, TileState, Trace, summed_per_ray
+from refsim.results import Cones, Generation, RayKind, TileState, Trace, last_rays, summed_per_ray
 
 
 def image_size(rays: Rays) -> tuple[int, int]:
@@ -43,10 +43,19 @@ def ray_textures(rays: Rays, tile_size: int) -> tuple[RayTextures, tuple[int, in
     return RayTextures(Texture(origin), Texture(direction)), (width, height)
 
 
+def _cut(planes: np.ndarray, image: ScissorRect, count: int) -> np.ndarray:
+    """Planes [k, h, w] without padding, as [k, count]."""
+    return planes[:, : image.height, : image.width].reshape(len(planes), -1)[:, :count]
+
+
 def _rows(planes: np.ndarray, image: ScissorRect, count: int) -> np.ndarray:
-    """Planes [k, h, w] without padding as contiguous rows [count, k] ([count] for one plane)."""
-    cut = planes[:, : image.height, : image.width].reshape(len(planes), -1)[:, :count]
-    return np.ascontiguousarray(cut[0] if len(planes) == 1 else cut.T)
+    """Planes [k, h, w] without padding as contiguous rows [count, k]."""
+    return np.ascontiguousarray(_cut(planes, image, count).T)
+
+
+def _column(plane: np.ndarray, image: ScissorRect, count: int) -> np.ndarray:
+    """One plane [h, w] without padding as [count]; a copy, so that the target can be let go."""
+    return _cut(plane[None], image, count)[0].copy()
 
 
 def generation_of(
@@ -67,19 +76,19 @@ def generation_of(
     else:
         kind = np.zeros(count, np.int32)
         rays = eye
-    hit = _rows(target.color("hit"), image, count)
+    hit, origin = target.color("hit"), target.color("origin")
     hits = Hits(
-        _rows(target.color("triangle"), image, count),
-        np.ascontiguousarray(hit[:, 0]),
-        np.ascontiguousarray(hit[:, 1]),
-        np.ascontiguousarray(hit[:, 2]),
+        _column(target.color("triangle")[0], image, count), *(_column(plane, image, count) for plane in hit)
     )
-    origin, direction = _rows(target.color("origin"), image, count), _rows(target.color("direction"), image, count)
     following = Rays.unchecked(
-        np.ascontiguousarray(origin[:, :3]), direction, np.ascontiguousarray(origin[:, 3]), eye.width, eye.height
+        _rows(origin[:3], image, count),
+        _rows(target.color("direction"), image, count),
+        _column(origin[3], image, count),
+        eye.width,
+        eye.height,
     )
     alive = rays.t_max > 0
-    tests = _rows(target.invocations[None], image, count)
+    tests = _column(target.invocations, image, count)
     counters.add("intersection.triangle_tests", int(target.invocations.sum()))
     counters.add("rays.eye", int(alive.sum()) if not before else 0)
     counters.add("rays.reflected", int((alive & (kind == RayKind.REFLECTED)).sum()))
@@ -91,7 +100,7 @@ def generation_of(
     parent = np.where(alive & bool(before), pixel, -1).astype(np.int32)
     return Generation(
         rays, hits, alive, kind, pixel, parent, {"triangle_tests": tests}, counters, cones,
-        following, _rows(target.color("kind"), image, count),
+        following, _column(target.color("kind")[0], image, count),
     )  # fmt: skip
 
 
@@ -115,19 +124,10 @@ def cones_of(target: Framebuffer, tile_size: int) -> Cones:
 
 def trace_of(method: str, scene: Scene, eye: Rays, generations: list[Generation]) -> Trace:
     """All generations together: the last ray of each path, counters, counts per ray."""
-    last = [eye.origin.copy(), eye.direction.copy(), eye.t_max.copy()]
-    for generation in generations:
-        # A hit on a diffuse surface ends the path: its last ray is the one that hit
-        goes_on = generation.next_rays.t_max > 0
-        following = generation.next_rays
-        for column, new in zip(last, (following.origin, following.direction, following.t_max), strict=True):
-            np.copyto(column, new, where=goes_on[:, None] if column.ndim == 2 else goes_on)
     counters = Counters()
     for generation in generations:
         counters.merge(generation.counters)
     counters.add("intersection.degenerate_triangles", int(scene.degenerate.sum()))
     counters.check()
-    exit_rays = Rays.unchecked(last[0], last[1], last[2], eye.width, eye.height)
-    return Trace(
-        method, scene, {}, tuple(generations), exit_rays, counters, summed_per_ray(generations, len(eye))
-    )
+    per_ray = summed_per_ray(generations, len(eye))
+    return Trace(method, scene, {}, tuple(generations), last_rays(generations), counters, per_ray)

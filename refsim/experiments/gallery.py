@@ -1,0 +1,72 @@
+"""Pictures of glass bodies by the hierarchical algorithm, with the counters of each: figures 5 and 6 share this."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from refsim.experiments import style
+from refsim.experiments.pictures import picture, srgb
+from refsim.experiments.registry import Case, Rows
+from refsim.experiments.runs import MISSING, counts, hits_percent, mesh_state
+
+CREDIT = {
+    "dragon_res4": "Stanford Dragon (res4)",
+    "bunny_closed": "Stanford Bunny, closed",
+}
+
+
+def gallery_cases(scenes: dict[str, float], size: int) -> list[Case]:
+    """A case a scene; `scenes` maps names to the fill of the camera."""
+    return [
+        {"scene": scene, "mesh": mesh_state(scene), "size_px": size, "tile_px": 16, "fill": fill, "generations": 8}
+        for scene, fill in scenes.items()
+    ]
+
+
+def measure(
+    scene: str, mesh: str, size_px: int, tile_px: int, fill: float, generations: int, backend: str = "numba"
+) -> Rows:
+    """One row: what the pipeline did for the picture. A real mesh that is not at hand reads `missing`."""
+    head = {"scene": scene, "size_px": size_px, "tile_px": tile_px, "fill": fill, "generations": generations}
+    if mesh == MISSING:
+        return [{**head, "triangles": MISSING}]
+    image = picture(scene, size_px, size_px, fill, generations, "smooth", tile_px, backend)
+    c = image.trace.counters
+    number = len(image.trace.scene.triangles)
+    exhaustive = size_px * size_px * number * generations
+    return [
+        {
+            **head,
+            "triangles": number,
+            "backend": backend,
+            "eye_rays_that_hit_percent": hits_percent(image.trace)[0],
+            "reflected_rays": c["rays.reflected"],
+            "refracted_rays": c["rays.refracted"],
+            **counts(image.trace),
+            "ray_engine_triangle_tests": exhaustive,
+            "tests_ratio": round(exhaustive / c["intersection.triangle_tests"], 2),
+        }
+    ]
+
+
+def plot(rows: Rows) -> Any:
+    """The pictures side by side; a missing mesh leaves its place empty and says so."""
+    columns = len(rows) if len(rows) <= 3 else 2 if len(rows) == 4 else 3
+    lines = -(-len(rows) // columns)
+    cell = style.WIDTH / columns
+    figure = style.new_figure(lines * (cell + 0.42))
+    grid = figure.subplots(lines, columns, squeeze=False).ravel()
+    for axes, row in zip(grid, rows, strict=False):
+        style.no_frame(axes)
+        name = CREDIT.get(row["scene"], style.body_name(row["scene"]))
+        if row["triangles"] == MISSING:
+            axes.text(0.5, 0.5, f"{name}:\nmissing", ha="center", va="center", color=style.FAINT)
+            continue
+        options = row["generations"], "smooth", row["tile_px"], row["backend"]
+        axes.imshow(srgb(picture(row["scene"], row["size_px"], row["size_px"], row["fill"], *options)), interpolation="lanczos")
+        axes.set_title(f"{name}, {row['triangles']:,} triangles")
+        tests = f"{row['triangle_tests'] / 1e6:,.0f} M ray–triangle tests, 1/{row['tests_ratio']:.1f} of the Ray Engine's"
+        axes.set_xlabel(tests, fontsize=8)
+    for axes in grid[len(rows) :]:
+        axes.set_visible(False)
+    return figure

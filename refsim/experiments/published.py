@@ -1,0 +1,34 @@
+"""What the text of The Hierarchical Ray Engine says in numbers, and what follows from it by arithmetic (section 7.1).
+
+Figure 7's points are in a picture that the text does not hold; none of them is here.
+"""
+
+from __future__ import annotations
+
+from refsim.experiments.registry import Rows
+
+SIDE, TRIANGLES, ITERATIONS = 256, 5000, 2  # "With 256×256 pixels, 5000 triangles, 2 iterations"
+FPS = {"ray engine": 0.23, "hierarchical": 3.0}  # "an FPS of 0.23", "achieving 3 FPS"
+SAID_TESTS = {"ray engine": 150e6, "hierarchical": 2e9}  # "150M intersections per second", "this figure reaches 2G"
+SAID_SPEEDUP = 15.0  # section 8: "a relative speedup of 15"
+SAID_AT_100 = 2.0  # "already at a triangle count of 100, the new algorithm runs twice as fast"
+
+TESTS_PER_FRAME = SIDE * SIDE * TRIANGLES * ITERATIONS
+TESTS_PER_SECOND = {engine: TESTS_PER_FRAME * fps for engine, fps in FPS.items()}
+SPEEDUP = FPS["hierarchical"] / FPS["ray engine"]
+
+
+def published_rows() -> Rows:
+    """The text's numbers as a table: quantity, value, unit, how it comes about."""
+    rows = [
+        {"quantity": f"frames per second, {engine}, {TRIANGLES} triangles", "value": fps, "unit": "frames/s", "origin": "text"}
+        for engine, fps in FPS.items()
+    ]
+    for engine, rate in TESTS_PER_SECOND.items():
+        origin = f"{SIDE} * {SIDE} * {TRIANGLES} * {ITERATIONS} * {FPS[engine]}"
+        rows.append({"quantity": f"tests per second, {engine}", "value": round(rate), "unit": "tests/s", "origin": origin})
+    ratio = f"{FPS['hierarchical']} / {FPS['ray engine']}"
+    rows.append({"quantity": "speed-up, from the frame rates", "value": round(SPEEDUP, 2), "unit": "1", "origin": ratio})
+    rows.append({"quantity": "speed-up, as said in section 8", "value": SAID_SPEEDUP, "unit": "1", "origin": "text"})
+    rows.append({"quantity": "speed-up at 100 triangles, as said", "value": SAID_AT_100, "unit": "1", "origin": "text"})
+    return rows
