@@ -6,7 +6,7 @@ needed and found again by the pipeline's value; `refsim.jit` keeps them on disk.
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 from refsim.jit import specialise
@@ -74,7 +74,11 @@ def fragment_tests(fragment: FragmentState, state: DepthStencilState, policy: Ea
 
 
 class Program:
-    """The kernels of one pipeline for one shape of uniforms and textures."""
+    """The kernels of one pipeline for one shape of uniforms and textures.
+
+    Kernels are looked up at every draw: `specialise` finds an unchanged one in microseconds, and notices when a constant
+    that a shader reads has changed.
+    """
 
     def __init__(self, pipeline: Pipeline, uniforms: Any, textures: Any, indexed: bool) -> None:
         self.pipeline = pipeline
@@ -112,37 +116,37 @@ class Program:
             "OUT_I": self.outputs.ints,
         }
 
-    @cached_property
+    @property
     def front_end(self) -> Any:
         """Vertex stage, clipping, rectangles."""
         return specialise(front_end, {**self._vertex_slots, "CORNERS": self.corners})
 
-    @cached_property
+    @property
     def vertex_tap(self) -> Any:
         """Vertex stage alone, everything kept."""
         return specialise(positions, self._vertex_slots)
 
-    @cached_property
+    @property
     def dense(self) -> Any:
         """Fragment stage over bins in vectorised passes."""
         return specialise(dense_bins, self._fragment_slots)
 
-    @cached_property
+    @property
     def listed(self) -> Any:
         """Fragment stage over fragment lists."""
         return specialise(listed_bins, {**self._fragment_slots, "TAP": False})
 
-    @cached_property
+    @property
     def tapped(self) -> Any:
         """Fragment stage over fragment lists, every fragment copied out."""
         return specialise(listed_bins, {**self._fragment_slots, "TAP": True})
 
-    @cached_property
+    @property
     def bin_primitives(self) -> Any:
         """Binning; the same for all pipelines."""
         return specialise(bin_primitives, {})
 
-    @cached_property
+    @property
     def count_fragments(self) -> Any:
         """Fragments a bin; the same for all pipelines."""
         return specialise(count_fragments, {})
