@@ -17,10 +17,10 @@ __attribute__((noinline)) static void one_triangle(size_t m, const float *restri
     const float vx = a[0], vy = a[1], vz = a[2], nx = a[3], ny = a[4], nz = a[5];
     const float px = a[6], py = a[7], pz = a[8], qx = a[9], qy = a[10], qz = a[11];
     for (size_t i = 0; i < m; i++) {
-        float sx = ox[i] - vx, sy = oy[i] - vy, sz = oz[i] - vz;
+        float sx = vx - ox[i], sy = vy - oy[i], sz = vz - oz[i];
         float den = nx * dx[i] + ny * dy[i] + nz * dz[i];
-        float t = -(nx * sx + ny * sy + nz * sz) / den;
-        float hx = sx + t * dx[i], hy = sy + t * dy[i], hz = sz + t * dz[i];
+        float t = (nx * sx + ny * sy + nz * sz) / den;
+        float hx = t * dx[i] - sx, hy = t * dy[i] - sy, hz = t * dz[i] - sz;
         float u = hx * px + hy * py + hz * pz;
         float v = hx * qx + hy * qy + hz * qz;
         int closer = (u >= 0.0f) & (v >= 0.0f) & (u + v <= 1.0f) & (t > 0.0f) & (t < limit[i]) & (t < ht[i]);

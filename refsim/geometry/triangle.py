@@ -72,10 +72,10 @@ def intersect(o, d, t_max, v0, n, m1, m2):
     side from which the vertices run counter-clockwise); a one-sided caller adds ``den < 0``. hit needs 0 < t < t_max.
     Branch-free; a degenerate triangle gives t = NaN, which compares false.
     """
-    s = sub(o, v0)
+    s = sub(v0, o)
     den = dot(n, d)
-    t = -dot(n, s) / den                                        # plane equation n . (s + t d) = 0
-    h = s[0] + t * d[0], s[1] + t * d[1], s[2] + t * d[2]       # hit point - v0
+    t = dot(n, s) / den                                         # plane equation n . (o + t d - v0) = 0
+    h = t * d[0] - s[0], t * d[1] - s[1], t * d[2] - s[2]       # hit point - v0
     u = dot(h, m1)
     v = dot(h, m2)
     hit = (u >= ZERO) & (v >= ZERO) & (u + v <= ONE) & (t > ZERO) & (t < t_max)

@@ -89,19 +89,20 @@ class Program:
         self.tests = fragment_tests(pipeline.fragment, pipeline.depth_stencil, pipeline.early_tests)
         self._rebuild = {"rebuild_uniforms": rebuilder(uniforms), "rebuild_textures": rebuilder(textures)}
         self._indexed = indexed
+        self._vertex_slots = self._slots_of_vertex_stage()
+        self._fragment_slots = self._slots_of_fragment_stage()
 
-    @property
-    def _vertex_slots(self) -> dict[str, Any]:
+    def _slots_of_vertex_stage(self) -> dict[str, Any]:
         return {
             **self._rebuild,
             "fetch": attribute_fetcher(self.pipeline.vertex.buffers),
             "vertex_shader": self.pipeline.vertex.shader,
             "put_varyings": self.varyings.put_row,
             "INDEXED": self._indexed,
+            "CORNERS": self.corners,
         }
 
-    @property
-    def _fragment_slots(self) -> dict[str, Any]:
+    def _slots_of_fragment_stage(self) -> dict[str, Any]:
         inputs = self.inputs
         return {
             **self._rebuild,
@@ -119,7 +120,7 @@ class Program:
     @property
     def front_end(self) -> Any:
         """Vertex stage, clipping, rectangles."""
-        return specialise(front_end, {**self._vertex_slots, "CORNERS": self.corners})
+        return specialise(front_end, self._vertex_slots)
 
     @property
     def vertex_tap(self) -> Any:

@@ -38,10 +38,10 @@ def intersect(
     u weighs vertex 1, v vertex 2; den < 0 is a hit on the front side; a hit has 0 < t < t_max.
     """
     with np.errstate(all="ignore"):
-        s = o - v0
+        s = v0 - o
         den = dot(n, d)
-        t = -dot(n, s) / den                 # plane equation
-        h = s + t[..., None] * d
+        t = dot(n, s) / den                  # plane equation n . (o + t d - v0) = 0
+        h = t[..., None] * d - s             # hit point - v0
         u = dot(h, m1)
         v = dot(h, m2)
         inside = np.logical_and(np.logical_and(u >= 0, v >= 0), u + v <= 1)

@@ -1,0 +1,28 @@
+"""The Hierarchical Ray Engine (Szécsi, WSCG 2006), and the Ray Engine (Carr, Hall and Hart 2002), its baseline.
+
+Where the paper's parts are
+    2.1  rays in textures, every triangle a full-screen quad, t as depth    `tracer.trace_ray_engine`, `shaders.quad_vertex`
+    3    point sprites over tiles, test in the vertex shader                `shaders.sprite_vertex`
+    3    all tiles per primitive, texture fetch in the vertex shader        submission="primitive"
+    3    all primitives per tile, cone in uniforms                          submission="tile", `tracer.read_back`
+    3    the next ray written to the render target                          `shaders.intersection_fragment`
+    4    enclosing cone, incremental                                        `shaders.cone_fragment`, `refsim.geometry.cone`
+    4    cone–sphere test                                                   `refsim.geometry.cone.meets_sphere`
+    4    vertex layout                                                      `vertices.TriangleVertex`
+    5    a stencil bit a generation                                         `tracer.stencil_state`, `passes`
+    9    environment for rays that hit nothing                              `refsim.shading`
+
+Symbols
+    a apex, x axis, φ half of the opening angle: `Cone(apex, axis, cos, sin)`     r direction and p origin of a ray
+    q, e, n, c, g, t of the construction: local names in `refsim.geometry.cone_construction`
+    v, r centre and radius of a triangle's sphere: `TriangleVertex.position`
+
+Deviations, beside the errata HRE-E1…E7 (`refsim.geometry.cone.Printed`, option `errata`)
+    - A tile's draw call is an instance of one instanced draw: the same vertices in the same order, cones in a uniform
+      array instead of 256 changes of one uniform. No draw call is saved or counted that changes a result.
+    - The opening is kept as (cos φ, sin φ); a second loop over the tile's rays measures what float32 left outside.
+    - Targets are padded to whole tiles with dead rays and drawn under a scissor; the paper's sizes divide evenly.
+    - The next-ray target is cleared to dead rays in every pass; the paper does not say what stays in skipped pixels.
+    - From generation 8 on no stencil bit is left: nothing is excluded, as the paper says; dead rays hit nothing anyway.
+    - Rays that end on a non-ideal (diffuse) surface stop there.
+"""
