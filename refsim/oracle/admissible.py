@@ -36,7 +36,7 @@ class Admissible:
     t_bound f64[k] is the larger deviation. u, v f64[k], u_bound, v_bound f64[k]: weights of vertices 1 and 2 and their
     bounds. Bounds are inf where the ray may lie in the plane. certain bool[k]: a correct implementation accepts it.
     miss bool[n]: a miss is admissible. closest i32[n], t f64[n]: the exact answer, lowest index among exact ties,
-    −1 and inf for a miss. order_dependent bool[n]: several triangles are exactly at that t.
+    −1 and inf for a miss; t errs by less than 1e-6 of its bound. order_dependent bool[n]: several tie exactly.
     margin f64[n]: by how many bounds the nearest other answer is away, at most 8; above 1 the answer is unique (without
     claims of watertightness). conditioning f64[n]: 1/|cos θ| at the closest hit, 0 for a miss.
     dead bool[n]: zero direction or t_max 0; only a miss is admissible. Lengths are in multiples of the direction.
