@@ -193,12 +193,10 @@ def doctor(ctx: click.Context, as_json: bool) -> None:
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    default=Path("figures"),
-    show_default=True,
     metavar="DIR",
-    help="Where pictures and the CSV behind each go.",
+    help="Where pictures and the CSV behind each go; figures, or figures-quick with --quick, if not given.",
 )
-def reproduce(paper: str, quick: bool, only: str | None, out: Path) -> None:
+def reproduce(paper: str, quick: bool, only: str | None, out: Path | None) -> None:
     """Make a paper's figures again.
 
     PAPER is hre, the Hierarchical Ray Engine. Each figure or table is a picture and the CSV behind it.
@@ -206,7 +204,9 @@ def reproduce(paper: str, quick: bool, only: str | None, out: Path) -> None:
     from refsim import experiments
     from refsim.progress import progress
 
-    for path in experiments.reproduce(paper, quick=quick, only=only, out=out, progress=progress):
+    # The committed figures are full ones: quick ones never take their place unasked
+    folder = out or Path("figures-quick" if quick else "figures")
+    for path in experiments.reproduce(paper, quick=quick, only=only, out=folder, progress=progress):
         click.echo(path)
 
 

@@ -1,4 +1,4 @@
-"""What each erratum of section 4 loses: the equations as printed, one at a time and together, against the corrected run.
+"""What each erratum of section 4 loses: equations as printed, alone and together, against the corrected run.
 
 Each generation is judged twice. *On its own*: the rays of the corrected run's generation are shot again with the
 printed equations, so that what is lost is lost there. *Along the path*: the printed equations run from the eye on, and
@@ -100,7 +100,8 @@ def plot(rows: Rows) -> Any:
     figure = style.new_figure(3.9)
     for number, (axes, scene) in enumerate(zip(figure.subplots(1, len(scenes), squeeze=False)[0], scenes, strict=True)):
         _table(axes, [row for row in rows if row["scene"] == scene], number == 0)
-    figure.supxlabel("hits lost or wrong, percent of the corrected run's, same rays for both", fontsize=9)
+    sentence = "hits lost or wrong in each generation, percent of the corrected run's, same rays for both"
+    figure.supxlabel(sentence, fontsize=9)
     return figure
 
 
@@ -130,14 +131,14 @@ def _table(axes: Any, rows: Rows, named: bool) -> None:
     for spine in axes.spines.values():
         spine.set_visible(False)
     axes.xaxis.tick_top()
-    axes.set_title(f"{style.body_name(rows[0]['scene'])}, {rows[0]['triangles']:,} triangles: generation")
+    axes.set_title(f"{style.body_name(rows[0]['scene'])}, {rows[0]['triangles']:,} triangles")
 
 
 EXPERIMENT = Experiment(
     "errata",
     "What each erratum of section 4 loses",
-    "Each printed equation alone, the others corrected, and all as printed; 256² rays, tiles of 16 × 16 (64² and 8 × 8 in "
-    "the NumPy reference with `--quick`). Pairs kept: in percent of the corrected run's.",
+    "Each printed equation alone, the others corrected, and all as printed; 256² rays, tiles of 16 × 16 (64² and "
+    "8 × 8 in the NumPy reference with `--quick`). Pairs kept: in percent of the corrected run's.",
     cases,
     measure,
     plot,

@@ -12,22 +12,22 @@ from typing import Any
 import numpy as np
 
 from refsim.experiments import style
-from refsim.experiments.pictures import picture, srgb
+from refsim.experiments.pictures import averaged, picture
 from refsim.experiments.registry import Case, Experiment, Row, Rows, Tables
-from refsim.experiments.runs import HIERARCHICAL, fill_of, run
+from refsim.experiments.runs import HIERARCHICAL, run
+from refsim.image import encode_srgb
 from refsim.results import Generation, TileState
 
 SHOWN = (1, 2, 4, 8)
 SCENES = ("torus_knot_1024", "blob_1000", "sphere_896")
+FILL = 0.55
 LARGEST = 83.0  # degrees: a wider cone counts as unbounded
 
 
 def cases(quick: bool) -> list[Case]:
     """Always 16 × 16 tiles, as in the paper."""
     size, tile = (128, 8) if quick else (256, 16)
-    return [
-        {"scene": scene, "size_px": size, "tile_px": tile, "fill": fill_of(scene), "iterations": 8} for scene in SCENES
-    ]
+    return [{"scene": scene, "size_px": size, "tile_px": tile, "fill": FILL, "iterations": 8} for scene in SCENES]
 
 
 def measure(
@@ -35,7 +35,9 @@ def measure(
 ) -> Rows:
     """One row a tile and iteration: state, half-angle of its cone, live rays."""
     found = run(HIERARCHICAL, scene, size_px, fill, generations=iterations, tile_size=tile_px, backend=backend)
-    head = {"scene": scene, "triangles": len(found.scene.triangles), "size_px": size_px, "tile_px": tile_px, "fill": fill}
+    number = len(found.scene.triangles)
+    head = {"scene": scene, "triangles": number, "size_px": size_px, "tile_px": tile_px, "fill": fill}
+    head["backend"] = backend
     return [
         {**head, "iteration": k, **row} for k, passed in enumerate(found.generations, 1) for row in _tiles(passed)
     ]
@@ -97,7 +99,7 @@ def plot(rows: Rows) -> Any:
     from matplotlib.colors import PowerNorm
 
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
-    figure = style.new_figure(1.78 * len(scenes) + 0.75)
+    figure = style.new_figure(1.72 * len(scenes) + 0.95)
     grid = figure.subplots(len(scenes), 1 + len(SHOWN), squeeze=False)
     # Small angles, where most tiles are, get most of the scale
     norm = PowerNorm(0.5, 0.0, LARGEST)
@@ -107,7 +109,8 @@ def plot(rows: Rows) -> Any:
         _draw_picture(line[0], own[0])
         for axes, iteration in zip(line[1:], SHOWN, strict=True):
             shown = _draw_tiles(axes, [row for row in own if row["iteration"] == iteration], norm)
-            axes.set_title(f"iteration {iteration}" if line is grid[0] else "")
+    for axes, iteration in zip(grid[0, 1:], SHOWN, strict=True):
+        axes.set_title(f"iteration {iteration}")
     bar = figure.colorbar(shown, ax=grid[:, 1:], location="bottom", fraction=0.05, aspect=50, pad=0.015)
     bar.set_label("half opening angle of the tile's cone, degrees")
     bar.set_ticks([0, 1, 2, 5, 10, 20, 40, 60, 80])
@@ -117,9 +120,11 @@ def plot(rows: Rows) -> Any:
 
 
 def _draw_picture(axes: Any, row: Row) -> None:
-    axes.imshow(srgb(picture(row["scene"], row["size_px"], row["size_px"], row["fill"])), interpolation="lanczos")
+    side = 2 * row["size_px"]
+    image = picture(row["scene"], side, side, row["fill"], backend=row["backend"])
+    axes.imshow(encode_srgb(averaged(np.clip(image.rgb, 0.0, 1.0), 2)), interpolation="antialiased")
     style.no_frame(axes)
-    axes.set_title(f"{style.body_name(row['scene'])}, {row['triangles']:,} triangles", fontsize=8)
+    axes.set_ylabel(f"{style.body_name(row['scene'])}\n{row['triangles']:,} triangles", fontsize=8.5)
 
 
 def _draw_tiles(axes: Any, tiles: Rows, norm: Any) -> Any:
@@ -148,7 +153,9 @@ def _legend(axes: Any) -> None:
         Patch(facecolor=style.VERMILION, label="unbounded: culls nothing"),
         Patch(facecolor="#f4f4f4", edgecolor="#b5b5b5", hatch="////", label="empty: no ray left"),
     ]
-    axes.legend(handles=marks, loc="upper left", bbox_to_anchor=(-0.03, -0.03), borderpad=0, handlelength=1.2, fontsize=8)
+    look = {"borderpad": 0, "handlelength": 1.2, "fontsize": 8}
+    # Wider than the picture above it, which must not grow for it
+    axes.legend(handles=marks, loc="upper left", bbox_to_anchor=(-0.24, -0.05), **look).set_in_layout(False)
 
 
 EXPERIMENT = Experiment(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from refsim.experiments.gallery import gallery_cases, measure, plot
 from refsim.experiments.registry import Case, Experiment
 
-FULL = {"torus_knot_9600": 0.75, "blob_9600": 0.75, "bunny_closed": 0.66}
+FULL = {"torus_knot_9600": 0.75, "blob_9600": 0.75, "bunny_closed": 0.76}
 QUICK = {"torus_knot_1024": 0.75, "blob_1000": 0.75}
 
 
@@ -21,4 +21,5 @@ EXPERIMENT = Experiment(
     cases,
     measure,
     plot,
+    dpi=200,
 )

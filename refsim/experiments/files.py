@@ -30,7 +30,7 @@ def make_folder(out: Path) -> None:
         raise InputError(f"cannot write figures to {str(out)!r}: {error.strerror or type(error).__name__}") from error
 
 
-def replace_file(path: Path, write: Callable[[Path], None]) -> Path:
+def replace_file(path: Path, write: Callable[[Path], object]) -> Path:
     """Let `write` fill a temporary file beside `path`, then put it in the place of `path`."""
     descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
     os.close(descriptor)
@@ -78,7 +78,7 @@ def read_csv(path: Path) -> list[Row]:
 def write_csv(path: Path, rows: Rows) -> Path:
     """Write rows to `path`."""
     text = csv_text(rows)
-    return replace_file(path, lambda part: part.write_text(text, encoding="utf-8", newline="\n") and None)
+    return replace_file(path, lambda part: part.write_text(text, encoding="utf-8", newline="\n"))
 
 
 def write_figure(path: Path, figure: Any, key: str, dpi: int | None = None) -> Path:
@@ -116,4 +116,4 @@ class Journal:
         """Adds a finished case; the file is replaced as a whole."""
         self.cases[case] = rows
         text = json.dumps({"key": self.key, "cases": self.cases})
-        replace_file(self.path, lambda part: part.write_text(text, encoding="utf-8") and None)
+        replace_file(self.path, lambda part: part.write_text(text, encoding="utf-8"))

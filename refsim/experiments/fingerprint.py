@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import hashlib
+import sys
+from collections.abc import Callable
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import ModuleType
 
 import refsim
 from refsim.experiments.registry import Experiment
 
 PACKAGE = Path(refsim.__file__).parent
+EXPERIMENTS = "experiments"
 # Rooms and files that compute nothing of a row
-SILENT = {"experiments", "oracle", "cli.py", "doctor.py", "progress.py", "image.py", "__main__.py"}
+SILENT = {EXPERIMENTS, "oracle", "cli.py", "doctor.py", "progress.py", "image.py", "__main__.py"}
+
+
+@cache
+def _sources() -> dict[str, str]:
+    """Digest of every source file by its path in the package; read once, as the process that runs them was."""
+    return {
+        path.relative_to(PACKAGE).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(PACKAGE.rglob("*.py"))
+    }
 
 
 def _version(package: str) -> str:
@@ -23,35 +34,30 @@ def _version(package: str) -> str:
         return "none"
 
 
-def _digest(paths: list[Path], *facts: str) -> str:
-    found = hashlib.sha256("\n".join(facts).encode())
-    for path in sorted(paths):
-        found.update(f"\n{path.relative_to(PACKAGE).as_posix()}\n".encode())
-        found.update(path.read_bytes())
-    return found.hexdigest()[:32]
+def _digest(names: set[str], *facts: str) -> str:
+    lines = [f"{name} {digest}" for name, digest in _sources().items() if name in names]
+    return hashlib.sha256("\n".join([*facts, *lines]).encode()).hexdigest()[:32]
 
 
-@cache
-def _numerical() -> tuple[Path, ...]:
-    return tuple(path for path in PACKAGE.rglob("*.py") if path.relative_to(PACKAGE).parts[0] not in SILENT)
+def _numerical() -> set[str]:
+    return {name for name in _sources() if name.partition("/")[0] not in SILENT}
+
+
+def _home(work: Callable[..., object]) -> str:
+    """The file that a function of the package is written in; '' for one from elsewhere."""
+    file = getattr(sys.modules[work.__module__], "__file__", None) or ""
+    return Path(file).relative_to(PACKAGE).as_posix() if file and Path(file).is_relative_to(PACKAGE) else ""
 
 
 def rows_key(experiment: Experiment) -> str:
     """Version, numerical rooms, and the modules in which the experiment's cases are stated and measured."""
-    import sys
-
-    modules = [sys.modules[work.__module__] for work in (experiment.cases, experiment.measure)]
-    own = {Path(file) for module in modules if (file := _file(module)) and Path(file).is_relative_to(PACKAGE)}
-    own |= {PACKAGE / "experiments" / "runs.py"}
+    shared = {f"{EXPERIMENTS}/{name}.py" for name in ("runs", "pictures")}
+    own = {_home(experiment.cases), _home(experiment.measure)}
     facts = (refsim.__version__, _version("numpy"), _version("numba"), experiment.id)
-    return _digest([*_numerical(), *own], *facts)
-
-
-def _file(module: ModuleType) -> str | None:
-    return getattr(module, "__file__", None)
+    return _digest(_numerical() | shared | own, *facts)
 
 
 def plot_key(experiment: Experiment, rows_text: str) -> str:
     """What a picture depends on: its rows, all sources, and the plotting library."""
-    room = list((PACKAGE / "experiments").glob("*.py"))
-    return _digest([*_numerical(), *room], experiment.id, _version("matplotlib"), rows_text)
+    room = {name for name in _sources() if name.startswith(EXPERIMENTS)}
+    return _digest(_numerical() | room, experiment.id, _version("matplotlib"), rows_text)

@@ -10,7 +10,7 @@ from refsim.experiments.registry import Case, Rows
 from refsim.experiments.runs import MISSING, counts, hits_percent, mesh_state
 
 CREDIT = {
-    "dragon_res4": "Stanford Dragon (res4)",
+    "dragon_res4": "Stanford Dragon, res4",
     "bunny_closed": "Stanford Bunny, closed",
 }
 
@@ -51,22 +51,17 @@ def measure(
 
 def plot(rows: Rows) -> Any:
     """The pictures side by side; a missing mesh leaves its place empty and says so."""
-    columns = len(rows) if len(rows) <= 3 else 2 if len(rows) == 4 else 3
-    lines = -(-len(rows) // columns)
-    cell = style.WIDTH / columns
-    figure = style.new_figure(lines * (cell + 0.42))
-    grid = figure.subplots(lines, columns, squeeze=False).ravel()
-    for axes, row in zip(grid, rows, strict=False):
+    figure = style.new_figure(style.WIDTH / len(rows) + 0.75)
+    for axes, row in zip(figure.subplots(1, len(rows), squeeze=False)[0], rows, strict=True):
         style.no_frame(axes)
         name = CREDIT.get(row["scene"], style.body_name(row["scene"]))
         if row["triangles"] == MISSING:
             axes.text(0.5, 0.5, f"{name}:\nmissing", ha="center", va="center", color=style.FAINT)
             continue
         options = row["generations"], "smooth", row["tile_px"], row["backend"]
-        axes.imshow(srgb(picture(row["scene"], row["size_px"], row["size_px"], row["fill"], *options)), interpolation="lanczos")
-        axes.set_title(f"{name}, {row['triangles']:,} triangles")
-        tests = f"{row['triangle_tests'] / 1e6:,.0f} M ray–triangle tests, 1/{row['tests_ratio']:.1f} of the Ray Engine's"
-        axes.set_xlabel(tests, fontsize=8)
-    for axes in grid[len(rows) :]:
-        axes.set_visible(False)
+        image = picture(row["scene"], row["size_px"], row["size_px"], row["fill"], *options)
+        axes.imshow(srgb(image), interpolation="lanczos")
+        axes.set_title(f"{name}\n{row['triangles']:,} triangles")
+        tests = f"{row['triangle_tests'] / 1e6:,.0f} M ray–triangle tests"
+        axes.set_xlabel(f"{tests},\n1/{row['tests_ratio']:.1f} of the Ray Engine's", fontsize=8)
     return figure

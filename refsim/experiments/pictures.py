@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,8 @@ def picture(
     backend: str = "numba",
 ) -> Image:
     """`refsim.render` of a scene with the Hierarchical Ray Engine; refraction by interpolated normals unless told."""
-    options = {"generations": generations, "shading": shading, "tile_size": tile_size, "backend": backend}
-    return render(HIERARCHICAL, scene_named(scene), width, height, fill=fill, **options)
+    options: dict[str, Any] = {"generations": generations, "shading": shading, "tile_size": tile_size}
+    return render(HIERARCHICAL, scene_named(scene), width, height, fill=fill, backend=backend, **options)
 
 
 def averaged(values: NDArray[np.floating], samples: int) -> NDArray[np.floating]:

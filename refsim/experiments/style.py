@@ -55,7 +55,8 @@ def styled() -> Iterator[None]:
     """The style, for as long as a figure is made and saved."""
     import matplotlib
 
-    with matplotlib.rc_context(RC):
+    options: Any = RC
+    with matplotlib.rc_context(options):
         yield
 
 
@@ -84,6 +85,15 @@ def count_ticks(axis: Any) -> None:
 
     axis.set_major_formatter(EngFormatter(sep=""))
     axis.set_minor_formatter(NullFormatter())
+
+
+def plain_ticks(axis: Any) -> None:
+    """A logarithmic axis with 1, 2, 5, 10, 20, … written out."""
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
+
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FormatStrFormatter("%g"))
 
 
 def body_name(scene: str) -> str:

@@ -62,7 +62,7 @@ def costs(rows: Rows) -> Rows:
     """Cost at each stated price, and the price above which half the tile would lose (0: it loses at any price)."""
     found = []
     for row in rows:
-        (half,) = [r for r in rows if r["scene"] == row["scene"] and r["tile_px"] * 2 == row["tile_px"]] or [None]
+        half = next((r for r in rows if r["scene"] == row["scene"] and r["tile_px"] * 2 == row["tile_px"]), None)
         line = {name: row[name] for name in ("scene", "triangles", "size_px", "tile_px")}
         line |= {f"cost_at_price_{price}_tests": round(priced(row, price)) for price in PRICES}
         line["price_above_which_half_the_tile_loses_tests"] = "" if half is None else round(break_even(row, half), 3)
@@ -94,7 +94,8 @@ def plot(rows: Rows) -> Any:
         for k, price in enumerate(PRICES):
             cost = [priced(row, price) for row in own]
             color = style.CYCLE[k]
-            axes.plot(tiles, cost, color=color, marker=style.MARKERS[k], label=f"cost, cone test = {price} triangle tests")
+            name = f"cost, cone test = {price} triangle tests"
+            axes.plot(tiles, cost, color=color, marker=style.MARKERS[k], label=name)
             best = min(range(len(own)), key=cost.__getitem__)
             axes.plot(tiles[best], cost[best], "o", markersize=12, fillstyle="none", color=color)
         axes.set_xticks(tiles, [str(tile) for tile in tiles])
@@ -112,8 +113,8 @@ def plot(rows: Rows) -> Any:
 EXPERIMENT = Experiment(
     "tile-size",
     "Tile size: cone tests against ray–triangle tests",
-    "256² rays (128² with `--quick`), 5 generations. A circle marks the cheapest tile for a stated price of a cone–sphere "
-    "test; the price is an assumption, the counts are not.",
+    "256² rays (128² with `--quick`), 5 generations. A circle marks the cheapest tile for a stated price of a "
+    "cone–sphere test; the price is an assumption, the counts are not.",
     cases,
     measure,
     plot,

@@ -1,6 +1,7 @@
 """Plan: `refsim reproduce` hands its options to the experiments and prints the files they write, one a line.
 
 - Without options it is the first paper, everything, into `figures`; options arrive under their Python names.
+- Quick figures go to a folder of their own unless told otherwise.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from refsim.progress import progress
     ("given", "expected"),
     [
         ((), {"quick": False, "only": None, "out": Path("figures")}),
-        (("hre", "--quick"), {"quick": True, "only": None, "out": Path("figures")}),
+        (("hre", "--quick"), {"quick": True, "only": None, "out": Path("figures-quick")}),
+        (("hre", "--quick", "--out", "figures"), {"quick": True, "only": None, "out": Path("figures")}),
         (("hre", "--only", "figure_4", "--out", "a/b"), {"quick": False, "only": "figure_4", "out": Path("a/b")}),
     ],
 )

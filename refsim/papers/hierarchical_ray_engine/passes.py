@@ -80,9 +80,11 @@ def hierarchical_pass(
     smooth: bool,
     early_tests: EarlyTests,
     depth_format: DepthStencilFormat,
-    printed: Printed,
+    printed_sphere_test: bool,
 ) -> Pipeline:
     """Every triangle as a point sprite on every tile whose cone meets its sphere (section 3)."""
+    # Of all errata the sphere test reads E4 alone, so the others share one compiled pass
+    printed = Printed(E4=printed_sphere_test)
     triangle, tile = TriangleVertex, TileVertex
     per_vertex, per_instance = (triangle, tile) if submission == "tile" else (tile, triangle)
     buffers = (VertexBufferLayout(per_vertex), VertexBufferLayout(per_instance, VertexStepMode.INSTANCE))

@@ -111,7 +111,7 @@ def trace_hierarchical(
     """Sections 3 to 5: every tile's cone against every triangle's sphere, then the rays of the tiles that are left."""
     triangles, corners = triangle_vertices(scene, options.ior), corner_vertices()
     pipeline = passes.hierarchical_pass(
-        submission, options.facing, options.smooth, options.early_tests, options.depth_format, printed
+        submission, options.facing, options.smooth, options.early_tests, options.depth_format, printed.E4
     )
     # Targets are padded to whole tiles, or sprites whose centre lies outside would be clipped; padding rays are dead
     textures, (width, height) = ray_textures(rays, tile_size)
@@ -157,7 +157,7 @@ def build_cones(
     height, width = textures.origin.data.shape[1:]
     target = Framebuffer(width // tile_size, height // tile_size, passes.CONE_TARGETS)
     draw(
-        passes.cone_pass(printed),
+        passes.cone_pass(printed._replace(E4=False)),  # E4 is the sphere test's alone
         vertices=corners,
         uniforms=shaders.ConeUniforms(np.int32(tile_size)),
         textures=textures,

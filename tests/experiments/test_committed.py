@@ -1,0 +1,70 @@
+"""Plan: the figures that are committed are those that the code makes.
+
+- Each full case has its rows in the committed table: same case, same columns, nothing left over.
+- A part is computed again by the pipeline and equals the committed rows.
+- Every picture has its table, and the README shows one that is there.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from refsim.experiments import experiments_of, figure_4, figure_7, tile_size
+from refsim.experiments.files import read_csv
+from refsim.experiments.runs import MISSING
+
+FIGURES = Path(__file__).resolve().parents[2] / "figures"
+
+
+def committed(stem: str) -> list[dict]:
+    return read_csv(FIGURES / f"{stem}.csv")
+
+
+@pytest.mark.parametrize("name", [name for name, e in experiments_of("hre").items() if e.cases(False)])
+def test_every_full_case_is_in_the_table(name: str) -> None:
+    rows = committed(name)
+    for case in experiments_of("hre")[name].cases(False):
+        given = {key: value for key, value in case.items() if key in rows[0] and key not in ("stencil", "tile_px")}
+        if case.get("mesh") == MISSING:
+            given = {key: case[key] for key in ("scene", "size_px")}
+        assert any(all(row[key] == value for key, value in given.items()) for row in rows), case
+
+
+def test_engine_rows_are_computed_again() -> None:
+    rows = committed("figure-7")
+    cases = [case for case in figure_7.cases(False) if case["triangles"] == 100 and case["shading"] == "geometric"]
+    runs = [case for case in cases if case["early_tests"] == "ideal" and case["stencil"]]
+    for case in runs:
+        (again,) = figure_7.measure(**case)
+        assert again in rows
+
+
+def test_tile_rows_are_computed_again() -> None:
+    rows = committed("tile-size")
+    for case in tile_size.cases(False):
+        if case["scene"] == "torus_knot_1024" and case["tile_px"] in (8, 32):
+            assert tile_size.measure(**case)[0] in rows
+
+
+def test_cone_rows_are_computed_again() -> None:
+    rows = committed("figure-4")
+    (case,) = [case for case in figure_4.cases(False) if case["scene"] == "blob_1000"]
+    again = figure_4.measure(**case)
+    assert [row for row in rows if row["scene"] == "blob_1000"] == again
+    assert figure_4.summary(again) == [r for r in committed("figure-4-summary") if r["scene"] == "blob_1000"]
+
+
+def test_derived_tables_follow_from_their_rows() -> None:
+    assert committed("figure-7-ratios") == [
+        {**row, **{n: "" for n in ("ratio_without_early_tests_mesa",) if n not in row}}
+        for row in figure_7.ratios(committed("figure-7"))
+    ]
+    assert committed("tile-size-costs") == tile_size.costs(committed("tile-size"))
+
+
+def test_every_picture_has_its_table() -> None:
+    pictures = {path.stem for path in FIGURES.glob("*.png")}
+    assert pictures == {name for name, e in experiments_of("hre").items() if e.plot is not None}
+    assert pictures <= {path.stem for path in FIGURES.glob("*.csv")}
