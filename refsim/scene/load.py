@@ -1,7 +1,6 @@
 """``load_scene``: from a library name, a mesh file, a real mesh's bare name or a trimesh object to a Scene.
 
-Triangles keep the order of their source and nothing is merged. PLY, OBJ and STL are read by refsim itself
-(``polygons.py`` says why), GLB by trimesh, which is imported only then.
+Triangles keep the order of their source and nothing is merged. Files are read by trimesh, which is imported only then.
 """
 
 from __future__ import annotations
@@ -17,11 +16,17 @@ from refsim.scene.known import FOLDER_VARIABLE, FORMATS, KNOWN_MESHES, find_mesh
 from refsim.scene.library import LIBRARY, library_scene
 from refsim.scene.material import Material
 from refsim.scene.mesh import Scene, degenerate_triangles
-from refsim.scene.obj import read_obj
-from refsim.scene.ply import ply_face_count, read_ply
 from refsim.scene.polygons import RawMesh, TriangleSoup, triangle_soup
-from refsim.scene.stl import read_stl
-from refsim.scene.trimesh_source import TRIMESH_LABEL, is_trimesh, read_glb, read_trimesh
+from refsim.scene.sound_bytes import ply_face_count
+from refsim.scene.trimesh_source import (
+    TRIMESH_LABEL,
+    is_trimesh,
+    read_glb,
+    read_obj,
+    read_ply,
+    read_stl,
+    read_trimesh,
+)
 
 if TYPE_CHECKING:
     import trimesh

@@ -1,8 +1,7 @@
 """What a mesh file holds, before it is a scene: indexed polygons, split into triangles and checked.
 
 Readers of file formats hand over a ``RawMesh``; ``triangle_soup`` turns it into corner arrays in file order and refuses
-vertices that are not finite and indices that point nowhere. trimesh would wrap a negative index around and drop or
-reorder mixed polygons, which is why the readers of PLY, OBJ and STL are refsim's own.
+vertices that are not finite and indices that point nowhere.
 """
 
 from __future__ import annotations
@@ -25,16 +24,13 @@ class RawMesh:
     """Indexed triangles as a file gives them, nothing checked.
 
     vertices   float[v, 3]; faces int64[n, 3], rows of ``vertices``
-    normals    float[m, 3] or None; normal_faces int64[n, 3], rows of ``normals`` (None: the same as ``faces``)
-    texcoords  float[k, 2] or None; texcoord_faces likewise
+    normals    float[v, 3] or None; texcoords float[v, 2] or None
     """
 
     vertices: Float
     faces: Index
     normals: Float | None = None
-    normal_faces: Index | None = None
     texcoords: Float | None = None
-    texcoord_faces: Index | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,29 +71,18 @@ def triangle_soup(label: str, mesh: RawMesh) -> TriangleSoup:
         with np.errstate(invalid="ignore"):
             position = mesh.vertices[row].astype(np.float64).tolist()
         raise InputError(f"{label} has a vertex that is not finite in float32: vertex {row} is {position}")
-    _check_indices(label, "vertex", mesh.faces, len(vertices))
-    normals = _corners(label, "normal", mesh.normals, mesh.normal_faces, mesh.faces)
-    texcoords = _corners(label, "texture coordinate", mesh.texcoords, mesh.texcoord_faces, mesh.faces)
-    return TriangleSoup(vertices[mesh.faces], normals, texcoords)
+    wrong = (mesh.faces < 0) | (mesh.faces >= len(vertices))
+    if wrong.any():
+        row = int(np.argmax(wrong.any(axis=1)))
+        raise InputError(
+            f"{label} has an index out of range: triangle {row} refers to vertex "
+            f"{int(mesh.faces[row][wrong[row]][0])}, but only 0 to {len(vertices) - 1} exist"
+        )
+    return TriangleSoup(vertices[mesh.faces], _corners(mesh.normals, mesh.faces), _corners(mesh.texcoords, mesh.faces))
 
 
-def _corners(
-    label: str, what: str, values: Float | None, own: Index | None, faces: Index
-) -> NDArray[np.float32] | None:
+def _corners(values: Float | None, faces: Index) -> NDArray[np.float32] | None:
     if values is None:
         return None
-    index = faces if own is None else own
-    _check_indices(label, what, index, len(values))
     with np.errstate(over="ignore", invalid="ignore"):
-        return values.astype(np.float32)[index]
-
-
-def _check_indices(label: str, what: str, faces: Index, count: int) -> None:
-    if int(faces.min()) >= 0 and int(faces.max()) < count:
-        return
-    wrong = (faces < 0) | (faces >= count)
-    row = int(np.argmax(wrong.any(axis=1)))
-    raise InputError(
-        f"{label} has an index out of range: triangle {row} refers to {what} "
-        f"{int(faces[row][wrong[row]][0])}, but only 0 to {count - 1} exist"
-    )
+        return values.astype(np.float32)[faces]

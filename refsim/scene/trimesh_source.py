@@ -1,7 +1,8 @@
-"""Meshes that come through trimesh: GLB files and objects that a script already holds.
+"""Meshes that come through trimesh: PLY, OBJ, STL and GLB files, and objects that a script already holds.
 
 trimesh is imported here, inside the functions, and only when something of its is at hand. Its exceptions become
-``InputError``, its log stays silent.
+``InputError``, its log stays silent. What it would read wrongly without a word is caught in ``sound_bytes.py`` before
+it reads a file, and here after it has.
 """
 
 from __future__ import annotations
@@ -17,11 +18,18 @@ from typing import Any
 import numpy as np
 
 from refsim.errors import InputError
-from refsim.scene.polygons import RawMesh
+from refsim.scene.polygons import RawMesh, fan
+from refsim.scene.sound_bytes import ply_face_count, sound_obj, sound_ply, sound_stl
 
-__all__ = ["TRIMESH_LABEL", "is_trimesh", "read_glb", "read_trimesh"]
+__all__ = ["TRIMESH_LABEL", "is_trimesh", "read_glb", "read_obj", "read_ply", "read_stl", "read_trimesh"]
 
 TRIMESH_LABEL = "the trimesh object"
+PLY_TEXCOORDS = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
+# Sentences of trimesh and NumPy that say too little.
+CLEARER = {
+    "PLY is unexpected length!": "its length is not what its header and first rows ask for; "
+    "it is truncated, or its polygons differ in size, which is read from ASCII PLY only",
+}
 
 
 def is_trimesh(source: object) -> bool:
@@ -38,13 +46,93 @@ def read_trimesh(source: Any) -> RawMesh:
         return _joined(TRIMESH_LABEL, source)
 
 
+def read_ply(label: str, data: bytes) -> RawMesh:
+    """The mesh in the bytes of a PLY file, ASCII or binary of either byte order; strips and colours are left out."""
+    sound = sound_ply(label, data)
+    with _quiet(f"{label} cannot be read as PLY"):
+        # The tables, because trimesh orders triangles made of polygons by the size of the polygon.
+        tables = _loaded("ply", sound).metadata["_ply_raw"]
+        _check_ply_lists(label, tables)
+        vertex, face = tables.get("vertex"), tables.get("all.face")
+        # Where a binary file ends before the first list of an element, trimesh drops the element.
+        if vertex is None or (not face and ply_face_count(data)):
+            raise InputError(f"{label} is truncated: it ends before its {'faces' if vertex else 'vertices'}")
+        texcoords = [_columns(vertex, *names) for names in PLY_TEXCOORDS if set(names) <= vertex["properties"].keys()]
+        normals = {"nx", "ny", "nz"} <= vertex["properties"].keys()
+        return RawMesh(
+            _columns(vertex, "x", "y", "z"),
+            _ply_faces(label, face, "tristrips" in tables),
+            _columns(vertex, "nx", "ny", "nz") if normals else None,
+            texcoords[0] if texcoords else None,
+        )
+
+
+def read_obj(label: str, data: bytes) -> RawMesh:
+    """The mesh in the bytes of an OBJ file; normals and texture coordinates where every face has them."""
+    sound = sound_obj(label, data)
+    with _quiet(f"{label} cannot be read as OBJ"):
+        # Where corners have normals or texture coordinates, an order maintained would give all corners of a vertex the
+        # median of their indices; otherwise it keeps the vertices that no face uses.
+        return _joined(label, _loaded("obj", sound, group_material=False, maintain_order=b"/" not in sound))
+
+
+def read_stl(label: str, data: bytes) -> RawMesh:
+    """The mesh in the bytes of an STL file, binary or ASCII; the facet normals of the file are left out."""
+    sound = sound_stl(label, data)
+    with _quiet(f"{label} cannot be read as STL"):
+        return _joined(label, _loaded("stl", sound))
+
+
 def read_glb(label: str, data: bytes) -> RawMesh:
     """The triangles in the bytes of a GLB (binary glTF 2.0) file: meshes in the file's order, transforms applied."""
+    with _quiet(f"{label} cannot be read as GLB"):
+        scene = _loaded("glb", data, maintain_order=True)
+        return _joined(label, scene, _file_order(scene))
+
+
+def _loaded(kind: str, data: bytes, **options: bool) -> Any:
     import trimesh
 
-    with _quiet(f"{label} cannot be read as GLB"):
-        scene = trimesh.load(io.BytesIO(data), file_type="glb", process=False, maintain_order=True, skip_materials=True)
-        return _joined(label, scene, _file_order(scene))
+    # process would merge vertices and drop those that are not finite.
+    return trimesh.load(io.BytesIO(data), file_type=kind, process=False, skip_materials=True, **options)
+
+
+def _check_ply_lists(label: str, tables: dict[str, dict[str, Any]]) -> None:
+    # trimesh gives all lists of a binary table the length of the first; others may by chance fill the same bytes.
+    for element, table in tables.items():
+        for name in getattr(getattr(table.get("data"), "dtype", None), "names", None) or ():
+            column = table["data"][name]
+            if column.dtype.names and (column["f0"] != column["f1"].shape[1]).any():
+                name = element.removeprefix("all.")
+                raise InputError(f"{label} has lists of several lengths in its element {name}, read from ASCII only")
+
+
+def _columns(table: dict[str, Any], *names: str) -> np.ndarray:
+    rows = table["length"]
+    if rows == 0:
+        return np.zeros((0, len(names)))
+    return np.stack([table["data"][name].reshape(rows) for name in names], axis=1)
+
+
+def _ply_faces(label: str, face: dict[str, Any] | None, strips: bool) -> np.ndarray:
+    names = [name for name in ("vertex_indices", "vertex_index") if face and name in face["properties"]]
+    if not face or not face["length"] or not names:
+        raise InputError(f"{label} holds no triangles{' (its triangle strips are not read)' if strips else ''}")
+    polygons = face["data"][names[0]]
+    if polygons.dtype.names:
+        polygons = polygons["f1"]
+    # Lists of one length are rows; others an array of arrays.
+    rows = polygons if polygons.dtype == object else polygons.reshape(face["length"], -1)
+    counts = np.array([len(row) for row in rows]) if rows.ndim == 1 else np.full(len(rows), rows.shape[1])
+    if (counts < 3).any():
+        row = int(np.argmax(counts < 3))
+        raise InputError(f"{label} has a face that is no polygon: face {row} has {counts[row]} vertices")
+    corners = np.concatenate(rows) if rows.ndim == 1 else rows.reshape(-1)
+    # An ASCII file may hold any number here, NaN and 1e300 too.
+    whole = corners.astype(np.int64)
+    if (whole != corners).any():
+        raise InputError(f"{label} has a vertex index that is no whole number in its element face")
+    return fan(counts, whole)
 
 
 @contextmanager
@@ -55,6 +143,8 @@ def _quiet(failure: str) -> Iterator[None]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
+            # Older NumPy stops at the first word that is no number and only warns.
+            warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
             yield
     except InputError:
         raise
@@ -137,4 +227,4 @@ def _all_or_none(values: list[np.ndarray | None]) -> np.ndarray | None:
 
 def _first_line(error: Exception) -> str:
     text = str(error).strip().splitlines()
-    return text[0][:120] if text else type(error).__name__
+    return CLEARER.get(text[0], text[0][:120]) if text else type(error).__name__
