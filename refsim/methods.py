@@ -12,9 +12,9 @@ from refsim.errors import InputError
 from refsim.options import Option, checked, choice, nearest, real, whole
 from refsim.pipeline.state import DepthStencilFormat, EarlyTests
 from refsim.pipeline.taps import Taps
+from refsim.results import Image, Trace
 from refsim.scene import Material, Rays, Scene, camera_rays, load_scene
 from refsim.shading import environment_of, shade
-from refsim.results import Image, Trace
 
 MATERIALS = {kind: Material(kind, kind) for kind in ("glass", "mirror", "diffuse")}
 DEPTH_FORMATS = {
@@ -137,7 +137,7 @@ METHODS: dict[str, Method] = {
                 *SHARED,
                 *ENGINE,
                 whole("tile_size", 16, 1, 64, "Side of a tile of rays, in pixels."),
-                choice("submission", "tile", ("tile", "primitive"), "All primitives per tile, or all tiles per primitive."),
+                choice("submission", "tile", ("tile", "primitive"), "Order: tile by tile, or primitive by primitive."),
             ),
             _run_hierarchical,
             _reference("hierarchical_ray_engine"),
@@ -163,6 +163,8 @@ def trace(method: str, scene: Scene | str, rays: Rays, **options: Any) -> Trace:
     scene = load_scene(scene) if not isinstance(scene, Scene) else scene
     if not isinstance(rays, Rays):
         raise InputError(f"rays must be refsim.Rays, not {type(rays).__name__}.")
+    if len(rays) == 0:
+        raise InputError("there are no rays to trace.")
     if values["material"] is not None:
         scene = scene.with_materials(MATERIALS[values["material"]])
     run = chosen.run if values["backend"] == "numba" else chosen.run_numpy

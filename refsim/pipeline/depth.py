@@ -28,8 +28,8 @@ def stored_depth(depth_format, z):
 
 def clear_value(depth_format: DepthStencilFormat, z: float) -> np.float32:
     """The stored value of a clear to depth `z`; the NumPy twin of `stored_depth`."""
-    z = z if z > 0.0 else 0.0
-    z32 = np.float32(z if z < 1.0 else 1.0)
+    z = z if z < 1.0 else 1.0
+    z32 = np.float32(z if z > 0.0 else 0.0)
     if depth_format == DepthStencilFormat.DEPTH24UNORM_STENCIL8:
         return np.float32(np.floor(np.float64(z32) * UNORM24 + 0.5))
     return z32

@@ -10,6 +10,7 @@ submission order, so the result does not depend on them.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, Literal
@@ -111,30 +112,38 @@ def draw(
     bits. Raises `InputError` naming the field that does not fit, before anything is drawn.
     """
     call = checked_draw(
-        pipeline, framebuffer, vertices, textures, indices, instances, vertex_count, dynamic or DynamicState(), loop
-    )
+        pipeline, framebuffer, vertices, uniforms, textures, indices, instances, vertex_count,
+        dynamic or DynamicState(), loop,
+    )  # fmt: skip
     threads = _checked_threads(threads)
     program = program_of(pipeline, shape_of(uniforms), shape_of(textures), indices is not None)
     arguments = (plain(uniforms), plain(textures))
-    counters.add("draw.calls", 1)
-    counters.add("vertex.invocations", call.vertex_count * instances)
-    recorder = None
+    done = Counters()
+    done.add("draw.calls", 1)
+    done.add("vertex.invocations", call.vertex_count * instances)
+    vertex_tap = recorder = None
     if taps is not None and taps.wants("vertex"):
-        taps.vertex.append(_tap_vertices(program, arguments, call, instances))
+        vertex_tap = _tap_vertices(program, arguments, call, instances)
     if taps is not None and taps.wants("fragment"):
         recorder = FragmentRecorder(pipeline.label, program.outputs)
 
     primitives = call.vertex_count // program.corners * instances
-    counters.add("raster.primitives", primitives)
+    done.add("raster.primitives", primitives)
     counts = np.zeros(COUNTS, np.int64)
-    size = min(max(-(-primitives // threads), SMALLEST_SLICE), SLICE_PRIMITIVES)
-    for first in range(0, primitives, size * threads):
-        part = _Round(program, first, min(size * threads, primitives - first), size)
-        _run_front_end(program, arguments, call, part, threads)
-        _add_primitive_fates(counters, part.fates.sum(axis=0))
+    # What only the vertex stage can tell is refused before anything is drawn, at the price of running it twice
+    if recorder is not None or (program.corners > 1 and primitives > SLICE_PRIMITIVES * threads):
+        rounds = _rounds(program, arguments, call, primitives, threads)
+        covered = sum(int(part.fates[:, 4].sum()) for part in rounds)
+        check_size(pipeline.label, covered if recorder is not None else 0)
+    for part in _rounds(program, arguments, call, primitives, threads):
+        _add_primitive_fates(done, part.fates.sum(axis=0))
         _run_fragments(program, arguments, call, part, threads, counts, recorder, loop)
-    _add_fragment_fates(counters, counts)
-    if recorder is not None and taps is not None:
+    _add_fragment_fates(done, counts)
+    # Counters and taps hear of a draw when all of it is drawn
+    counters.merge(done)
+    if taps is not None and vertex_tap is not None:
+        taps.vertex.append(vertex_tap)
+    if taps is not None and recorder is not None:
         taps.fragment.append(recorder.record())
 
 
@@ -144,6 +153,16 @@ def _checked_threads(threads: int | None) -> int:
     if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or not 1 <= threads <= 1024:
         raise InputError(f"threads must be a whole number from 1 to 1024, not {threads!r}.")
     return int(threads)
+
+
+def _rounds(program: Program, arguments: Any, call: Any, primitives: int, threads: int) -> Iterator[_Round]:
+    """All primitives after the vertex stage, a round at a time. Raises `InputError` for quads that are no rectangle."""
+    size = min(max(-(-primitives // threads), SMALLEST_SLICE), SLICE_PRIMITIVES)
+    for first in range(0, primitives, size * threads):
+        part = _Round(program, first, min(size * threads, primitives - first), size)
+        _run_front_end(program, arguments, call, part, threads)
+        _refuse_crooked(part)
+        yield part
 
 
 def _run_front_end(program: Program, arguments: Any, call: Any, part: _Round, threads: int) -> None:
@@ -235,10 +254,14 @@ def _groups(start: np.ndarray, bins: int, threads: int) -> list[tuple[int, int]]
     return [(int(a), int(b)) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
 
 
-def _add_primitive_fates(counters: Counters, fates: np.ndarray) -> None:
-    drawn, clipped, empty, crooked, _ = (int(fate) for fate in fates)
+def _refuse_crooked(part: _Round) -> None:
+    crooked = int(part.fates[:, 3].sum())
     if crooked:
         raise InputError(f"{crooked} quads are not axis-aligned rectangles of the screen; quad-list draws only those.")
+
+
+def _add_primitive_fates(counters: Counters, fates: np.ndarray) -> None:
+    drawn, clipped, empty = (int(fate) for fate in fates[:3])
     counters.add("raster.drawn", drawn)
     counters.add("raster.clipped", clipped)
     counters.add("raster.empty", empty)

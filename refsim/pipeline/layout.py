@@ -172,6 +172,8 @@ def plain(value: Any) -> Any:
     if isinstance(value, float):
         return np.float32(value)
     if isinstance(value, int):
+        if not -(2**31) <= value < 2**31:
+            raise InputError(f"a uniform is {value}, which int32 does not hold.")
         return np.int32(value)
     raise InputError(f"a uniform of type {type(value).__name__} cannot be passed; give scalars, tuples and arrays.")
 

@@ -1,9 +1,9 @@
 """The rasteriser: primitives become rectangles of pixels, rectangles are sorted into bins of the screen.
 
 Points and quads cover whole rectangles, so a primitive's coverage is four integers (x0, y0, x1, y1), half open. A pixel
-is covered when its centre lies in [x0, x1) × [y0, y1) of the exact rectangle. A primitive whose vertex (of a quad:
-whose first vertex) lies outside the clip volume −w ≤ x, y ≤ w, 0 ≤ z ≤ w, w > 0 is clipped as a whole: that is what
-OpenGL and Direct3D do with points, and full-screen quads never cross the volume.
+is covered when its centre lies in [x0, x1) × [y0, y1) of the exact rectangle. A primitive of which any
+vertex lies outside the clip volume −w ≤ x, y ≤ w, 0 ≤ z ≤ w, w > 0 is clipped as a whole: that is what OpenGL and
+Direct3D do with points, and full-screen quads never cross the volume. A quad's depth is its first vertex's.
 
 Bins hold primitives in submission order. Sources: WebGPU "rasterization", OpenGL 4.6 section 14.4 (points).
 """

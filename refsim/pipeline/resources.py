@@ -5,6 +5,7 @@ Framebuffer origin is top-left, pixel centres at .5, rows first (WebGPU). A text
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -67,6 +68,9 @@ class VertexBuffer:
         if set(columns) != set(fields):
             odd = sorted(set(columns) ^ set(fields))
             raise InputError(f"vertex buffer of {attributes.__name__}: field {odd[0]!r} is missing or unknown.")
+        for name, column in columns.items():
+            if np.ndim(column) == 0:
+                raise InputError(f"vertex buffer of {attributes.__name__}: {name!r} must be an array of rows.")
         counts = {len(column) for column in columns.values()}
         if len(counts) != 1:
             raise InputError(f"vertex buffer of {attributes.__name__}: its columns differ in length: {sorted(counts)}.")
@@ -74,11 +78,11 @@ class VertexBuffer:
         buffer.count = buffer.capacity
         for name, column in columns.items():
             field = fields[name]
-            values = np.asarray(column).reshape(buffer.count, -1)
-            if values.shape[1] != field.size:
+            values = np.asarray(column)
+            if values.size != buffer.count * field.size or math.prod(values.shape[1:]) != field.size:
                 raise InputError(f"vertex buffer of {attributes.__name__}: {name!r} needs {field.size} components.")
             planes = buffer.floats if field.kind == "f" else buffer.ints
-            planes[field.first : field.first + field.size] = values.T
+            planes[field.first : field.first + field.size] = values.reshape(buffer.count, field.size).T
         return buffer
 
 
@@ -128,7 +132,10 @@ class Framebuffer:
 
     def clear_color(self, name: str, value: float | tuple[float, ...]) -> None:
         """Sets every pixel of target `name` to `value` (a scalar, or one number a component)."""
-        self.color(name)[:] = np.reshape(value, (-1, 1, 1))
+        planes, values = self.color(name), np.reshape(value, (-1, 1, 1))
+        if len(values) not in (1, len(planes)):
+            raise InputError(f"target {name!r} has {len(planes)} components, {len(values)} were given.")
+        planes[:] = values
 
     def clear_depth(self, value: float = 1.0) -> None:
         """Sets every depth to `value` in [0, 1]."""

@@ -11,7 +11,7 @@ import numpy as np
 from refsim.errors import InputError
 from refsim.pipeline.layout import Layout
 from refsim.pipeline.resources import Framebuffer, Texture, VertexBuffer
-from refsim.pipeline.state import DynamicState, Pipeline, PrimitiveTopology, Viewport, VertexStepMode
+from refsim.pipeline.state import DynamicState, Pipeline, PrimitiveTopology, VertexStepMode, Viewport
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,7 @@ def checked_draw(
     pipeline: Pipeline,
     framebuffer: Framebuffer,
     vertices: VertexBuffer | tuple[VertexBuffer, ...],
+    uniforms: Any,
     textures: Any,
     indices: np.ndarray | None,
     instances: int,
@@ -44,15 +45,21 @@ def checked_draw(
     if loop not in ("auto", "dense", "list"):
         raise InputError(f"{pipeline.label}: loop must be 'auto', 'dense' or 'list', not {loop!r}.")
     buffers = vertices if isinstance(vertices, tuple) else (vertices,)
+    if not all(isinstance(buffer, VertexBuffer) for buffer in buffers):
+        raise InputError(f"{pipeline.label}: vertices must be a VertexBuffer or a tuple of them.")
     count, indices_array = _vertex_count(pipeline, buffers, indices, instances, vertex_count)
     _check_targets(pipeline, framebuffer)
     input_floats, input_ints = _inputs(pipeline, framebuffer, textures)
-    _check_feedback(pipeline, framebuffer, textures)
+    _check_feedback(pipeline, framebuffer, "uniform", uniforms)
+    _check_feedback(pipeline, framebuffer, "texture", textures)
     viewport = dynamic.viewport or Viewport(0, 0, framebuffer.width, framebuffer.height)
-    if not (viewport.width > 0 and viewport.height > 0 and 0 <= viewport.min_depth <= viewport.max_depth <= 1):
-        raise InputError(f"{pipeline.label}: {viewport} needs a positive size and 0 ≤ min_depth ≤ max_depth ≤ 1.")
+    sized = np.isfinite(viewport).all() and viewport.width > 0 and viewport.height > 0
+    if not (sized and 0 <= viewport.min_depth <= viewport.max_depth <= 1):
+        raise InputError(
+            f"{pipeline.label}: {viewport} needs finite numbers, a positive size and 0 ≤ min_depth ≤ max_depth ≤ 1."
+        )
     values = (dynamic.stencil_reference, dynamic.stencil_read_mask, dynamic.stencil_write_mask)
-    if any(not 0 <= value <= 255 for value in values):
+    if not all(_is_whole(value) and 0 <= value <= 255 for value in values):
         raise InputError(f"{pipeline.label}: stencil reference and masks are 8-bit values, not {values}.")
     return Call(
         framebuffer,
@@ -75,6 +82,8 @@ def _vertex_count(
     vertex_count: int | None,
 ) -> tuple[int, np.ndarray]:
     """Vertices an instance, and the index array (empty without indices)."""
+    if not _is_whole(instances) or instances < 0:
+        raise InputError(f"{pipeline.label}: instances must be a whole number of at least 0, not {instances!r}.")
     layouts = pipeline.vertex.buffers
     if len(buffers) != len(layouts):
         raise InputError(f"{pipeline.label}: {len(layouts)} vertex buffers are declared, {len(buffers)} were given.")
@@ -84,21 +93,27 @@ def _vertex_count(
             raise InputError(f"{pipeline.label}: a vertex buffer of {expected} is declared, one of {got} was given.")
         if layout.step_mode == VertexStepMode.INSTANCE and buffer.count < instances:
             raise InputError(f"{pipeline.label}: {instances} instances need more than {buffer.count} rows.")
-    if isinstance(instances, bool) or not isinstance(instances, int | np.integer) or instances < 0:
-        raise InputError(f"{pipeline.label}: instances must be a whole number of at least 0, not {instances!r}.")
     pairs = zip(buffers, layouts, strict=True)
     per_vertex = [buffer.count for buffer, layout in pairs if layout.step_mode == VertexStepMode.VERTEX]
     available = min(per_vertex) if per_vertex else None
     corners = 4 if pipeline.topology == PrimitiveTopology.QUAD_LIST else 1
     if indices is not None:
-        array = np.ascontiguousarray(indices, np.int64).ravel()
+        if vertex_count is not None:
+            raise InputError(f"{pipeline.label}: vertex_count is for draws without indices; leave one of them out.")
+        given = np.asarray(indices)
+        if given.size and given.dtype.kind not in "iu":
+            raise InputError(f"{pipeline.label}: indices must be whole numbers, not {given.dtype}.")
+        array = np.ascontiguousarray(given, np.int64).ravel()
         outside = (array < 0) | (array >= (available if available is not None else np.iinfo(np.int32).max))
         if outside.any():
             place = int(np.argmax(outside))
-            raise InputError(f"{pipeline.label}: index {place} is {array[place]}, but there are {available} vertices.")
+            value = given.ravel()[place]
+            raise InputError(f"{pipeline.label}: index {place} is {value}, but there are {available} vertices.")
         return len(array), array
     count = vertex_count if vertex_count is not None else (available if available is not None else corners)
-    if count < 0 or (available is not None and count > available):
+    if not _is_whole(count) or count < 0:
+        raise InputError(f"{pipeline.label}: vertex_count must be a whole number of at least 0, not {count!r}.")
+    if available is not None and count > available:
         raise InputError(f"{pipeline.label}: vertex_count is {count}, but there are {available} vertices.")
     return int(count), np.empty(0, np.int64)
 
@@ -132,7 +147,8 @@ def _inputs(
             data = texture.data
             dtype = np.float32 if field.kind == "f" else np.int32
             if data.dtype != dtype or data.ndim != 3 or data.shape[0] < field.size:
-                raise InputError(f"{pipeline.label}: texture {field.name!r} does not hold {field.size} {dtype.__name__}.")
+                wanted = f"{field.size} {dtype.__name__}"
+                raise InputError(f"{pipeline.label}: texture {field.name!r} does not hold {wanted}.")
             if data.shape[1:] != (framebuffer.height, framebuffer.width):
                 raise InputError(f"{pipeline.label}: texture {field.name!r} is not of the framebuffer's size.")
             planes[field.kind] += list(data[: field.size])
@@ -142,19 +158,29 @@ def _inputs(
     )
 
 
-def _check_feedback(pipeline: Pipeline, framebuffer: Framebuffer, textures: Any) -> None:
-    """A texture that is also a target would be read while it is written."""
-    for name, texture in (textures._asdict() if textures is not None else {}).items():
-        data = getattr(texture, "data", None)
-        if isinstance(data, np.ndarray) and any(
-            np.may_share_memory(data, target) for target in (framebuffer.floats, framebuffer.ints)
-        ):
-            raise InputError(f"{pipeline.label}: texture {name!r} is also a target of the framebuffer (feedback loop).")
+def _check_feedback(pipeline: Pipeline, framebuffer: Framebuffer, what: str, value: Any, path: str = "") -> None:
+    """An array that is also a target, depth or stencil would be read while it is written."""
+    if isinstance(value, Texture):
+        value = value.data
+    if isinstance(value, tuple):
+        names = getattr(value, "_fields", range(len(value)))
+        for name, part in zip(names, value, strict=True):
+            _check_feedback(pipeline, framebuffer, what, part, f"{path}.{name}" if path else f"{name}")
+    targets = (framebuffer.floats, framebuffer.ints, framebuffer.depth, framebuffer.stencil, framebuffer.invocations)
+    if isinstance(value, np.ndarray) and any(np.may_share_memory(value, target) for target in targets):
+        raise InputError(f"{pipeline.label}: {what} {path!r} is also a target of the framebuffer (feedback loop).")
+
+
+def _is_whole(value: Any) -> bool:
+    """Whether `value` is an integer, Python's or NumPy's, and no truth value."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def _bounds(pipeline: Pipeline, framebuffer: Framebuffer, dynamic: DynamicState) -> tuple[np.float32, ...]:
     """Pixels that may be drawn, [x0, x1) × [y0, y1): the scissor within the framebuffer."""
     x, y, width, height = dynamic.scissor or (0, 0, framebuffer.width, framebuffer.height)
+    if not all(_is_whole(part) for part in (x, y, width, height)):
+        raise InputError(f"{pipeline.label}: scissor {dynamic.scissor} must be whole pixels.")
     if min(x, y, width, height) < 0 or x + width > framebuffer.width or y + height > framebuffer.height:
         raise InputError(f"{pipeline.label}: scissor {dynamic.scissor} leaves the framebuffer.")
     return np.float32(x), np.float32(y), np.float32(x + width), np.float32(y + height)

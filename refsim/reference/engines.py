@@ -72,7 +72,7 @@ class Found:
 
 def depth_scale(scene: Scene, eye: Rays) -> np.float32:
     """The power of two that takes every t below 1: the diagonal of the box around scene and origins, and a margin."""
-    origins = eye.origin[eye.alive].astype(np.float64)
+    origins = eye.origin[eye.t_max > 0].astype(np.float64)
     points = np.concatenate([np.stack([scene.lower, scene.upper]).astype(np.float64), origins])
     diagonal = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
     return np.float32(2.0 ** -np.ceil(np.log2(1.01 * diagonal + 4 * float(scene.epsilon))))
@@ -183,8 +183,8 @@ def completed(
     """The pass with the rays that follow its hits, its laws checked."""
     new = following_rays(surfaces, image.origin, image.direction, found.triangle, found.t, found.u, found.v)
     if cones is not None:
-        for name, state in (("empty", TileState.EMPTY), ("bounded", TileState.BOUNDED), ("unbounded", TileState.UNBOUNDED)):
-            counters.add(f"cone.tiles_{name}", int((cones.state == state).sum()))
+        for state in TileState:
+            counters.add(f"cone.tiles_{state.name.lower()}", int((cones.state == state).sum()))
     counters.check()
     return generation_of(k, rays, kind, found, new, target.invocations, counters, cones)
 

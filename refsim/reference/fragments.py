@@ -1,11 +1,11 @@
-"""What becomes of a fragment of an engine's pass: stencil, shader, depth, in the order that the early-test policy gives.
+"""What becomes of a fragment of an engine's pass: stencil, shader, depth, in the order of the early-test policy.
 
 State of the pass (sections 2.1 and 5): depth test LESS with depth write; stencil EQUAL under a read mask, REPLACE
 where everything passes, KEEP otherwise. The shader writes depth (t, scaled) and discards (no hit), so:
 
     ideal        stencil, shader, depth      failing by stencil changes nothing, so it may come first
     mesa, none   shader, stencil, depth      a shader that writes depth or discards switches early tests off
-    forced       stencil, depth, shader      tests and updates first; the written depth is ignored, the primitive's 0 counts
+    forced       stencil, depth, shader      tests and updates first; the written depth is ignored for the primitive's 0
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ UNORM24 = 2.0**24 - 1
 
 @dataclass(frozen=True)
 class FragmentTests:
-    """Policy ("ideal" …), depth format ("depth32float-stencil8", "depth24unorm-stencil8"), and whether stencil is on."""
+    """Policy ("ideal" …), depth format ("depth32float-stencil8" or "depth24unorm-stencil8"), whether stencil is on."""
 
     policy: str
     depth_format: str
@@ -52,7 +52,7 @@ def stencil_masks(generation: int) -> tuple[int, int]:
 
 
 class Target:
-    """Depth (cleared to 1), stencil (kept from the pass before, changed in place) and counts of one pass, a row a pixel.
+    """Depth (cleared to 1), stencil (of the pass before, changed in place) and counts of one pass, a row a pixel.
 
     `invocations` int32[n]: shader runs a pixel.
     """
@@ -82,18 +82,17 @@ class Target:
         if not self.tests.stencil:
             passes[STENCIL] = np.ones_like(keep)
         left = np.arange(len(rows))
-        tested, shaded = set(), False
+        tested: set[str] = set()
         for stage in ORDER[self.tests.policy]:
             if stage == SHADER:
-                shaded = True
                 self.invocations[rows[left]] += 1
             stays = passes[stage][left]
             lost = int(len(left) - stays.sum())
             self.failed[stage] += lost
-            if not shaded:
+            tested.add(stage)
+            if SHADER not in tested:
                 self.failed_early[stage] += lost
             left = left[stays]
-            tested.add(stage)
             if stage != SHADER and {STENCIL, DEPTH} <= tested:
                 self._update(rows[left], stored[left])
         self.fragments_made += len(rows)

@@ -1,4 +1,4 @@
-"""Enclosing spheres of triangles in NumPy (The Hierarchical Ray Engine, section 4): exact, and as the engine keeps them."""
+"""Enclosing spheres of triangles in NumPy (The Hierarchical Ray Engine, section 4), exact and in float32."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A scene as a method sees it, one row a triangle, and what happens where rays meet it: the hit and the ray after it."""
+"""A scene as a method sees it, one row a triangle, and what happens where rays meet it: hits, and the rays after."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def following_rays(
         b1, b2 = u[rows, None], v[rows, None]
         normal = normalise((corner[:, 0] * (ONE - b1 - b2) + corner[:, 1] * b1) + corner[:, 2] * b2)
     origin, direction, kind, alive = next_ray(
-        o[rows], d[rows], t[rows], surfaces.n[k], normal, surfaces.index[k], surfaces.epsilon
+        o[rows], d[rows], t[rows], surfaces.n[k], normal, surfaces.index[k], np.asarray(surfaces.epsilon)
     )
     new = Following(np.zeros_like(o), np.zeros_like(d), np.zeros_like(t), np.zeros(len(t), np.int32))
     new.origin[rows], new.direction[rows], new.kind[rows] = origin, direction, kind

@@ -27,8 +27,8 @@ def errata_of(option: str | Sequence[str]) -> cone.Errata:
 class Tiles:
     """Tiles of an image, row-major; the last row and column may reach past it (padding has no rays).
 
-    `of_pixel` int64[width · height]: the tile of a pixel. `pixels` int64[count, size²]: pixels of a tile row by row, −1
-    past the image.
+    `of_pixel` int64[width · height]: the tile of a pixel. `pixels` int64[count, size²]: pixels of a tile row by row,
+    −1 past the image.
     """
 
     def __init__(self, width: int, height: int, size: int) -> None:

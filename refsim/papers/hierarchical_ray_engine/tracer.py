@@ -55,10 +55,12 @@ def stencil_state(generation: int, scissor: ScissorRect) -> DynamicState:
 
 def depth_scale(scene: Scene, rays: Rays) -> np.float32:
     """A power of two that takes every possible t below 1: then no two different t become equal."""
-    corners = np.array([scene.lower, scene.upper], np.float64)
-    origins = rays.origin[rays.alive].astype(np.float64)
-    lowest = np.minimum(corners[0], origins.min(axis=0, initial=np.inf))
-    highest = np.maximum(corners[1], origins.max(axis=0, initial=-np.inf))
+    live = rays.t_max > 0
+    origins = rays.origin if live.all() else rays.origin[live]
+    lowest, highest = scene.lower.astype(np.float64), scene.upper.astype(np.float64)
+    for axis in range(3 if len(origins) else 0):  # a column at a time is quicker than rows
+        lowest[axis] = min(lowest[axis], origins[:, axis].min())
+        highest[axis] = max(highest[axis], origins[:, axis].max())
     farthest = 1.01 * float(np.linalg.norm(highest - lowest)) + 4 * float(scene.epsilon)
     return np.float32(2.0 ** -np.ceil(np.log2(farthest)))
 
