@@ -32,7 +32,7 @@ def test_five_generations(benchmark, report, submission) -> None:
     tests = trace.counters["intersection.triangle_tests"]
     report(
         f"hierarchical, knot of 1,024, 256², 5 generations, by {submission}: {seconds * 1e3:.0f} ms "
-        f"(target 95, aim 60); {tests / seconds / 1e9:.2f} G tests/s and {trace.counters['cone.sphere_tests']:,} cone tests"
+        f"(≤ 95, aim 60); {tests / seconds / 1e9:.2f} G tests/s, {trace.counters['cone.sphere_tests']:,} cone tests"
     )
 
 
@@ -43,9 +43,11 @@ def test_command(benchmark, report, tmp_path) -> None:
 
     def run() -> float:
         start = time.perf_counter()
-        subprocess.run([*command, "--out", str(tmp_path / "image.png")], check=True, capture_output=True, env=environment)
+        out = ["--out", str(tmp_path / "image.png")]
+        subprocess.run([*command, *out], check=True, capture_output=True, env=environment)
         return time.perf_counter() - start
 
     first = run()
     benchmark.pedantic(run, rounds=5)
-    report(f"refsim render, first run ever {first:.1f} s (target 20), later {benchmark.stats.stats.min:.2f} s (target 1.5)")
+    later = benchmark.stats.stats.min
+    report(f"refsim render, first run ever {first:.1f} s (target 20), later {later:.2f} s (target 1.5)")

@@ -36,7 +36,7 @@ def test_against_c(benchmark, scene, report, tmp_path) -> None:
     ours, theirs = engine.tests / benchmark.stats.stats.min / 1e9, engine.tests / best["c"] / 1e9
     assert np.array_equal(engine.target.color("triangle")[0].ravel() >= 0, loop.number >= 0)
     report(f"ray engine, 256² × {len(scene.triangles):,}: {ours:.2f} G tests/s (target 1.5, aim 2.5)")
-    report(f"  C, gcc -O3 -march=native, {THREADS} threads: {theirs:.2f} G tests/s; ratio {ours / theirs:.2f} (target 0.4)")
+    report(f"  C, gcc -O3 -march=native, {THREADS} threads: {theirs:.2f} G tests/s; ratio {ours / theirs:.2f} (≥ 0.4)")
 
 
 def _seconds(call) -> float:

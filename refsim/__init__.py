@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from refsim.counters import REGISTRY, Counters
     from refsim.errors import InputError
     from refsim.jit import func
-    from refsim.methods import METHODS, render, trace
-    from refsim.scene import Hits, Material, PointLight, Rays, Scene, camera_rays, load_scene, scene_names
+    from refsim.methods import METHODS, render
     from refsim.results import Cones, Generation, Image, Trace
+    from refsim.scene import Hits, Material, PointLight, Rays, Scene, camera_rays, load_scene, scene_names
 
 __version__ = "0.1.0"
 

@@ -137,7 +137,7 @@ def render(method: str, scene: str, size: tuple[int, int], out: Path | None, as_
     import refsim
 
     with progress(None, f"{method} on {scene}"):
-        image = refsim.render(method, scene, *size, **given)
+        image = refsim.render(method, scene, *size, **given)  # type: ignore[arg-type]  # checked by the method
     rendered = time.perf_counter()
     write_png(path, image.rgb)
     written = time.perf_counter()

@@ -5,9 +5,10 @@ For image methods a generation's rows are pixels (n = width · height, row-major
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,8 @@ class Cones:
 
     apex f32[tiles, 3] world space; axis f32[tiles, 3] unit; half_angle f32[tiles] radians; state int32[tiles]
     (`TileState`); slack f32[tiles], scene units, how far outside the float32 cone a ray may be; width, height in
-    tiles, tile_size in pixels. Rows of a tile that is not bounded mean nothing but their state (half_angle: 0 empty, π unbounded).
+    tiles, tile_size in pixels. Rows of a tile that is not bounded mean nothing but their state and half_angle: 0 where
+    empty, π where unbounded.
     """
 
     apex: NDArray[np.float32]
@@ -79,7 +81,7 @@ class Generation:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """All generations of one run of `method`. `exit_rays` [n]: the last ray of each path, which leaves the scene or ends.
+    """All generations of one run of `method`.
 
     `per_ray` name -> int64[n]: summed over generations per pixel. `options`: every option's value, defaults included.
     """
@@ -88,9 +90,13 @@ class Trace:
     scene: Scene
     options: Mapping[str, Any]
     generations: tuple[Generation, ...]
-    exit_rays: Rays
     counters: Counters
     per_ray: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+
+    @cached_property
+    def exit_rays(self) -> Rays:
+        """The last ray of each path [n], which leaves the scene or ends; put together when first asked for."""
+        return last_rays(self.generations)
 
     @property
     def hits(self) -> Hits:
@@ -119,7 +125,7 @@ def summed_per_ray(generations: list[Generation], pixels: int) -> dict[str, NDAr
     return totals
 
 
-def last_rays(generations: list[Generation]) -> Rays:
+def last_rays(generations: Sequence[Generation]) -> Rays:
     """The last ray of each path (image methods): the one that missed or ended on a diffuse surface, or the ray that the
     last generation's hit sent on."""
     eye = generations[0].rays

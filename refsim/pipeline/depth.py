@@ -23,7 +23,8 @@ UNORM24 = np.float64(2**24 - 1)
 def stored_depth(depth_format, z):
     """`z` clamped to [0, 1] (NaN becomes 1, the far end) in the units of `depth_format`; float32."""
     z = max(F0, min(F1, z))  # in this order and with these functions: two instructions a packet, and NaN is settled
-    return F(np.floor(np.float64(z) * UNORM24 + HALF)) if depth_format == DepthStencilFormat.DEPTH24UNORM_STENCIL8 else z
+    fixed = F(np.floor(np.float64(z) * UNORM24 + HALF))
+    return fixed if depth_format == DepthStencilFormat.DEPTH24UNORM_STENCIL8 else z
 
 
 def clear_value(depth_format: DepthStencilFormat, z: float) -> np.float32:

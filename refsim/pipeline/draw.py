@@ -13,6 +13,7 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -32,13 +33,13 @@ from refsim.pipeline.fragment import (
 from refsim.pipeline.layout import plain, shape_of
 from refsim.pipeline.program import Program, program_of
 from refsim.pipeline.resources import Framebuffer, VertexBuffer
+from refsim.pipeline.rounds import Round, Scratch, slice_size
 from refsim.pipeline.state import DynamicState, Pipeline
 from refsim.pipeline.taps import FragmentRecorder, Taps, VertexTap, by_field, check_size
 from refsim.pipeline.validate import checked_draw
 
-SLICE_PRIMITIVES = 2**17
-SMALLEST_SLICE = 2**13
 BIN_ITEMS = 2**21
+FEW_FRAGMENTS = 2**12
 LIST_BELOW = 16.0  # mean fragments a primitive; below it the fragment list is quicker than a packet
 
 Loop = Literal["auto", "dense", "list"]
@@ -59,32 +60,6 @@ def _run_all(threads: int, tasks: list[Any]) -> list[Any]:
     if threads == 1 or len(tasks) == 1:
         return [task() for task in tasks]
     return [future.result() for future in [_pool(threads).submit(task) for task in tasks]]
-
-
-class _Round:
-    """Primitives [first, first + count) after the vertex stage: survivors in columns, and what became of the rest.
-
-    Threads fill slices of `size` primitives each, from row slice · size on.
-    """
-
-    def __init__(self, program: Program, first: int, count: int, size: int) -> None:
-        self.first, self.count, self.size = first, count, size
-        self.rect = np.empty((count, 4), np.int32)
-        self.depth = np.empty(count, np.float32)
-        self.source = np.empty(count, np.int64)
-        self.floats = np.empty((count, program.varyings.floats), np.float32)
-        self.ints = np.empty((count, program.varyings.ints), np.int32)
-        self.fates = np.zeros((-(-count // size), 5), np.int64)
-
-    def columns(self, part: int) -> tuple[np.ndarray, ...]:
-        """The columns of one slice, to be filled."""
-        rows = slice(part * self.size, min((part + 1) * self.size, self.count))
-        return (self.rect[rows], self.depth[rows], self.source[rows], self.floats[rows], self.ints[rows])
-
-    def survivors(self) -> np.ndarray:
-        """Rows of the survivors in submission order, int32."""
-        kept = [np.arange(k * self.size, k * self.size + n, dtype=np.int32) for k, n in enumerate(self.fates[:, 0])]
-        return np.concatenate(kept)
 
 
 def draw(
@@ -130,14 +105,16 @@ def draw(
     primitives = call.vertex_count // program.corners * instances
     done.add("raster.primitives", primitives)
     counts = np.zeros(COUNTS, np.int64)
+    scratch = Scratch.borrow()
     # What only the vertex stage can tell is refused before anything is drawn, at the price of running it twice
-    if recorder is not None or (program.corners > 1 and primitives > SLICE_PRIMITIVES * threads):
-        rounds = _rounds(program, arguments, call, primitives, threads)
+    if recorder is not None or (program.corners > 1 and primitives > slice_size(primitives, threads) * threads):
+        rounds = _rounds(program, arguments, call, primitives, threads, scratch)
         covered = sum(int(part.fates[:, 4].sum()) for part in rounds)
         check_size(pipeline.label, covered if recorder is not None else 0)
-    for part in _rounds(program, arguments, call, primitives, threads):
+    for part in _rounds(program, arguments, call, primitives, threads, scratch):
         _add_primitive_fates(done, part.fates.sum(axis=0))
-        _run_fragments(program, arguments, call, part, threads, counts, recorder, loop)
+        _run_fragments(program, arguments, call, part, threads, counts, recorder, loop, scratch)
+    scratch.give_back()
     _add_fragment_fates(done, counts)
     # Counters and taps hear of a draw when all of it is drawn
     counters.merge(done)
@@ -155,17 +132,19 @@ def _checked_threads(threads: int | None) -> int:
     return int(threads)
 
 
-def _rounds(program: Program, arguments: Any, call: Any, primitives: int, threads: int) -> Iterator[_Round]:
+def _rounds(
+    program: Program, arguments: Any, call: Any, primitives: int, threads: int, scratch: Scratch
+) -> Iterator[Round]:
     """All primitives after the vertex stage, a round at a time. Raises `InputError` for quads that are no rectangle."""
-    size = min(max(-(-primitives // threads), SMALLEST_SLICE), SLICE_PRIMITIVES)
+    size = slice_size(primitives, threads)
     for first in range(0, primitives, size * threads):
-        part = _Round(program, first, min(size * threads, primitives - first), size)
+        part = Round(program, first, min(size * threads, primitives - first), size, scratch)
         _run_front_end(program, arguments, call, part, threads)
         _refuse_crooked(part)
         yield part
 
 
-def _run_front_end(program: Program, arguments: Any, call: Any, part: _Round, threads: int) -> None:
+def _run_front_end(program: Program, arguments: Any, call: Any, part: Round, threads: int) -> None:
     def run(k: int) -> None:
         columns = part.columns(k)
         program.front_end(
@@ -176,10 +155,10 @@ def _run_front_end(program: Program, arguments: Any, call: Any, part: _Round, th
     _run_all(threads, [lambda k=k: run(k) for k in range(len(part.fates))])
 
 
-def _bin_shape(mean_area: float, framebuffer: Framebuffer, threads: int) -> tuple[int, int]:
+def _bin_shape(mean_area: float, framebuffer: Framebuffer, threads: int, smallest: int) -> tuple[int, int]:
     """log2 of a bin's width and height: about a primitive's size, and enough bins for the threads."""
     log2 = int(np.clip(np.rint(np.log2(max(mean_area, 1.0)) / 2), 3, 5))
-    while log2 > 2 and -(-framebuffer.width >> log2) * -(-framebuffer.height >> log2) < 4 * threads:
+    while log2 > smallest and -(-framebuffer.width >> log2) * -(-framebuffer.height >> log2) < 4 * threads:
         log2 -= 1
     return log2, log2
 
@@ -188,11 +167,12 @@ def _run_fragments(
     program: Program,
     arguments: Any,
     call: Any,
-    part: _Round,
+    part: Round,
     threads: int,
     counts: np.ndarray,
     recorder: FragmentRecorder | None,
     loop: Loop,
+    scratch: Scratch,
 ) -> None:
     """Bins the survivors, in batches that fit, and runs the fragment stage over the bins."""
     survivors = part.survivors()
@@ -200,12 +180,14 @@ def _run_fragments(
         return
     framebuffer = call.framebuffer
     area = float(part.fates[:, 4].sum()) / len(survivors)
-    shape = _bin_shape(area, framebuffer, threads)
+    # A pass over few pixels that all are written (nothing to probe) is listed too: packets would shade their dead lanes
+    few = not program.tests.probe and area * len(survivors) < FEW_FRAGMENTS * threads
+    listed = loop == "list" or (loop == "auto" and (area < LIST_BELOW or few))
+    shape = _bin_shape(area, framebuffer, threads, 2 if listed else 3)
     bins_x = -(-framebuffer.width // (1 << shape[0]))
     bins = bins_x * -(-framebuffer.height // (1 << shape[1]))
     start = np.empty(bins + 2, np.int64)
-    items = np.empty(max(min(BIN_ITEMS, len(survivors) * bins), bins), np.int32)
-    listed = loop == "list" or (loop == "auto" and area < LIST_BELOW)
+    items = scratch.array("items", (max(min(BIN_ITEMS, len(survivors) * bins), bins),), np.int32)
     primitives = (part.rect, part.depth, part.floats, part.ints)
     target = (framebuffer.floats, framebuffer.ints, framebuffer.depth, framebuffer.stencil, framebuffer.invocations)
     fixed = (*arguments, call.stencil_values, primitives)
@@ -249,12 +231,12 @@ def _groups(start: np.ndarray, bins: int, threads: int) -> list[tuple[int, int]]
     """Runs of neighbouring bins of about equal work, a few for each thread."""
     if threads == 1:
         return [(0, bins)]
-    edges = np.linspace(0, start[bins], 8 * threads + 1)
+    edges = np.linspace(0, start[bins], 4 * threads + 1)
     cuts = np.unique(np.concatenate(([0], np.searchsorted(start[: bins + 1], edges[1:-1]), [bins])))
-    return [(int(a), int(b)) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+    return [(int(a), int(b)) for a, b in pairwise(cuts)]
 
 
-def _refuse_crooked(part: _Round) -> None:
+def _refuse_crooked(part: Round) -> None:
     crooked = int(part.fates[:, 3].sum())
     if crooked:
         raise InputError(f"{crooked} quads are not axis-aligned rectangles of the screen; quad-list draws only those.")

@@ -3,11 +3,11 @@
 `resolve` is the whole per-fragment order of the pipeline in one function: shader's keep, stencil, depth, writes. The
 dense loop here and the loop over fragment lists (`fragment_list`) both call it.
 
-A packet is a bin's pixels (at most 1,024) in working columns that stay in cache, a lane each; lanes whose pixel an early
-stencil test has ruled out for good are left out. For each primitive every block of 64 lanes is *probed* first: the
-shader is evaluated for keep and depth alone and only counted; the compiler drops the rest and nothing is stored. Only
-if some fragment would be written is the shader evaluated again, for its outputs (`commit`). A shader is pure, so this
-cannot be seen; counters count logical invocations.
+A packet is a bin's pixels (at most 1,024) in working columns that stay in cache, a lane each; lanes whose pixel an
+early stencil test has ruled out for good are left out. For each primitive every block of 64 lanes is *probed* first:
+the shader is evaluated for keep and depth alone and only counted; the compiler drops the rest and nothing is stored.
+Only if some fragment would be written is the shader evaluated again, for its outputs (`commit`). A shader is pure, so
+this cannot be seen; counters count logical invocations.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import typing
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -70,7 +70,7 @@ class Layout:
         self._expression = self._walk(cls, "")
 
     @staticmethod
-    @lru_cache(maxsize=None)
+    @cache
     def of(cls: type) -> Layout:
         """The layout of `cls`, made once."""
         return Layout(cls)
@@ -185,7 +185,7 @@ def shape_of(value: Any) -> Any:
     return None
 
 
-@lru_cache(maxsize=None)
+@cache
 def rebuilder(shape: Any) -> Any:
     """Device function that turns ``plain(value)`` back into `value`'s NamedTuples, for ``shape_of(value) == shape``."""
     classes: dict[str, Any] = {}

@@ -102,6 +102,18 @@ def rasterise_quads(position, count, viewport, bounds, rect, depth, fate):
         fate[i] = CLIPPED if not inside else (CROOKED if not rectangle else (EMPTY if empty else DRAWN))
 
 
+@func
+def bins_of(rect, row, log2_width, log2_height):
+    """The bins that a rectangle touches, [x0, x1) × [y0, y1)."""
+    i = U(row)
+    return (
+        rect[i, 0] >> log2_width,
+        rect[i, 1] >> log2_height,
+        ((rect[i, 2] - I(1)) >> log2_width) + 1,
+        ((rect[i, 3] - I(1)) >> log2_height) + 1,
+    )
+
+
 def bin_primitives(rect, ids, first, log2_width, log2_height, bins_x, start, items):
     """Sorts primitives ids[first:] into bins by counting; stops before `items` overflows.
 
@@ -114,23 +126,22 @@ def bin_primitives(rect, ids, first, log2_width, log2_height, bins_x, start, ite
     last = first
     total = np.int64(0)
     while last < ids.shape[0]:
-        i = U(ids[U(last)])
-        bx0, by0 = rect[i, 0] >> log2_width, rect[i, 1] >> log2_height
-        bx1, by1 = (rect[i, 2] - 1) >> log2_width, (rect[i, 3] - 1) >> log2_height
-        total += np.int64(bx1 - bx0 + 1) * np.int64(by1 - by0 + 1)
+        bx0, by0, bx1, by1 = bins_of(rect, ids[U(last)], log2_width, log2_height)
+        total += np.int64(bx1 - bx0) * np.int64(by1 - by0)
         if total > items.shape[0]:
             break
-        for by in range(by0, by1 + 1):
-            for bx in range(bx0, bx1 + 1):
+        for by in range(by0, by1):
+            for bx in range(bx0, bx1):
                 start[U(by * bins_x + bx + 2)] += 1
         last += 1
     for b in range(2, bins + 2):
         start[U(b)] += start[U(b - 1)]
     for k in range(first, last):
-        i = U(ids[U(k)])
-        for by in range(rect[i, 1] >> log2_height, ((rect[i, 3] - 1) >> log2_height) + 1):
-            for bx in range(rect[i, 0] >> log2_width, ((rect[i, 2] - 1) >> log2_width) + 1):
+        i = ids[U(k)]
+        bx0, by0, bx1, by1 = bins_of(rect, i, log2_width, log2_height)
+        for by in range(by0, by1):
+            for bx in range(bx0, bx1):
                 slot = U(by * bins_x + bx + 1)
-                items[U(start[slot])] = I(i)
+                items[U(start[slot])] = i
                 start[slot] += 1
     return last

@@ -27,19 +27,19 @@ class Texture(NamedTuple):
 
 
 @func
-def texel1(texture, x, y):
+def texel1(texture: Any, x: Any, y: Any) -> Any:
     """Component 0 at pixel (x, y)."""
     return texture.data[0, y, x]
 
 
 @func
-def texel3(texture, x, y):
+def texel3(texture: Any, x: Any, y: Any) -> Any:
     """Components 0–2 at pixel (x, y)."""
     return texture.data[0, y, x], texture.data[1, y, x], texture.data[2, y, x]
 
 
 @func
-def texel4(texture, x, y):
+def texel4(texture: Any, x: Any, y: Any) -> Any:
     """Components 0–3 at pixel (x, y)."""
     return texture.data[0, y, x], texture.data[1, y, x], texture.data[2, y, x], texture.data[3, y, x]
 

@@ -41,7 +41,7 @@ class StencilOperation(IntEnum):
 
 
 class DepthStencilFormat(IntEnum):
-    """`DEPTH32FLOAT_STENCIL8` keeps float32; `DEPTH24UNORM_STENCIL8` rounds to 24-bit fixed point before it compares."""
+    """`DEPTH32FLOAT_STENCIL8` keeps float32; `DEPTH24UNORM_STENCIL8` rounds to 24 bits fixed point, then compares."""
 
     DEPTH32FLOAT_STENCIL8 = 0
     DEPTH24UNORM_STENCIL8 = 1
@@ -159,8 +159,8 @@ class VertexBufferLayout:
 class VertexState:
     """Vertex stage.
 
-    ``shader(uniforms, textures, attributes, vertex_index, instance_index) -> (position vec4, point_size f32, varyings)``
-    where ``attributes`` is a tuple with one NamedTuple per buffer.
+    ``shader(uniforms, textures, attributes, vertex_index, instance_index)`` returns ``(position vec4, point_size f32,
+    varyings)``, where ``attributes`` is a tuple with one NamedTuple per buffer.
     """
 
     shader: Callable[..., Any]
@@ -185,6 +185,9 @@ class FragmentState:
     discards: bool = False
 
 
+NO_DEPTH_STENCIL = DepthStencilState()
+
+
 @dataclass(frozen=True)
 class Pipeline:
     """All state that a draw is compiled from. A value: make it once, draw with it often."""
@@ -192,6 +195,6 @@ class Pipeline:
     vertex: VertexState
     fragment: FragmentState
     topology: PrimitiveTopology = PrimitiveTopology.POINT_LIST
-    depth_stencil: DepthStencilState = DepthStencilState()
+    depth_stencil: DepthStencilState = NO_DEPTH_STENCIL
     early_tests: EarlyTests = EarlyTests.IDEAL
     label: str = "draw"

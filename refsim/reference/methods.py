@@ -54,22 +54,7 @@ def trace(name: str, scene: Scene, rays: Rays, options: Mapping[str, Any]) -> Tr
         counters.merge(generation.counters)
     counters.add("intersection.degenerate_triangles", int(scene.degenerate.sum()))
     counters.check()
-    return Trace(name, scene, {}, tuple(found), exit_rays(rays, found), counters, summed_per_ray(found, len(rays)))
-
-
-def exit_rays(eye: Rays, generations: list[Generation]) -> Rays:
-    """The last ray of each path: a miss or a diffuse hit sends none, so the ray that was shot stays."""
-    origin, direction, t_max = eye.origin.copy(), eye.direction.copy(), eye.t_max.copy()
-    for generation in generations:
-        new = generation.next_rays
-        assert new is not None
-        goes_on = new.t_max > 0
-        origin[goes_on], direction[goes_on], t_max[goes_on] = (
-            new.origin[goes_on],
-            new.direction[goes_on],
-            new.t_max[goes_on],
-        )
-    return Rays.unchecked(origin, direction, t_max, eye.width, eye.height)
+    return Trace(name, scene, {}, tuple(found), counters, summed_per_ray(found, len(rays)))
 
 
 def brute_force(scene: Scene, eye: Rays, options: Mapping[str, Any]) -> Pass:

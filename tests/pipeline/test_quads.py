@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from refsim.counters import Counters
 from refsim.errors import InputError
-from refsim.pipeline import draw as draw_module
+from refsim.pipeline import rounds as rounds_module
 from refsim.pipeline.draw import draw
 from refsim.pipeline.resources import VertexBuffer
 from refsim.pipeline.state import DynamicState
@@ -91,8 +91,8 @@ CROOKED = {
 @pytest.mark.parametrize("corners", CROOKED.values(), ids=CROOKED)
 @pytest.mark.parametrize("before", [0, 20])
 def test_a_quad_that_is_no_rectangle_is_refused_and_nothing_drawn(corners, before, monkeypatch):
-    monkeypatch.setattr(draw_module, "SLICE_PRIMITIVES", 8)
-    monkeypatch.setattr(draw_module, "SMALLEST_SLICE", 8)
+    monkeypatch.setattr(rounds_module, "ROUND_PRIMITIVES", 8)
+    monkeypatch.setattr(rounds_module, "SMALLEST_SLICE", 8)
     scene = quads([rectangle(0, 0, WIDTH, HEIGHT)] * before + [corners])
     framebuffer, counters, taps = target_of(QUADS, scene), Counters(), Taps()
     with pytest.raises(InputError, match=r"1 quads? .*axis-aligned"):

@@ -17,6 +17,7 @@ import pytest
 from refsim.counters import Counters
 from refsim.errors import InputError
 from refsim.pipeline import draw as draw_module
+from refsim.pipeline import rounds as rounds_module
 from refsim.pipeline import taps as taps_module
 from refsim.pipeline.resources import MAX_TARGET_PIXELS, Framebuffer, Texture, VertexBuffer
 from refsim.pipeline.state import DepthStencilFormat, DynamicState, ScissorRect, TextureFormat, Viewport
@@ -220,8 +221,8 @@ def test_taps_refuse_unknown_stages_and_what_would_not_fit(monkeypatch):
     assert counters["raster.fragments"] == fragments
     monkeypatch.setattr(taps_module, "MAX_TAPPED", fragments - 1)
     refused(f"copy {fragments} records", taps=Taps("fragment"))
-    monkeypatch.setattr(draw_module, "SLICE_PRIMITIVES", 1)
-    monkeypatch.setattr(draw_module, "SMALLEST_SLICE", 1)
+    monkeypatch.setattr(rounds_module, "ROUND_PRIMITIVES", 1)
+    monkeypatch.setattr(rounds_module, "SMALLEST_SLICE", 1)
     refused(f"copy {fragments} records", taps=Taps("fragment"))
     monkeypatch.setattr(taps_module, "MAX_TAPPED", 2)
     refused("copy 3 records", taps=Taps("vertex"))

@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from refsim.pipeline import draw as draw_module
+from refsim.pipeline import rounds as rounds_module
 from refsim.pipeline.layout import shape_of
 from refsim.pipeline.program import program_of
 from refsim.pipeline.state import DynamicState, ScissorRect
@@ -52,8 +53,8 @@ def test_slices_and_batches_do_not_matter(name, seed, threads, tapped, quads):
     parts = Taps("fragment") if tapped else None
     expected = run(pipe, scene, taps=whole, loop="dense")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(draw_module, "SMALLEST_SLICE", 8)
-        patch.setattr(draw_module, "SLICE_PRIMITIVES", 8)
+        patch.setattr(rounds_module, "SMALLEST_SLICE", 8)
+        patch.setattr(rounds_module, "ROUND_PRIMITIVES", 8)
         patch.setattr(draw_module, "BIN_ITEMS", 64)
         assert_same(expected, run(pipe, scene, taps=parts, loop="dense", threads=threads))
     if tapped:
@@ -64,8 +65,8 @@ def test_slices_and_batches_do_not_matter(name, seed, threads, tapped, quads):
 def test_small_slices_are_really_taken(monkeypatch):
     rounds = []
     run_fragments = draw_module._run_fragments
-    monkeypatch.setattr(draw_module, "SLICE_PRIMITIVES", 8)
-    monkeypatch.setattr(draw_module, "SMALLEST_SLICE", 8)
+    monkeypatch.setattr(rounds_module, "ROUND_PRIMITIVES", 8)
+    monkeypatch.setattr(rounds_module, "SMALLEST_SLICE", 8)
     monkeypatch.setattr(draw_module, "_run_fragments", lambda *a, **k: rounds.append(1) or run_fragments(*a, **k))
     scene = random_scene(3, count=100)
     run(POOL["nearest"], scene)

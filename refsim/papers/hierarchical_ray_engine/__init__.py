@@ -1,16 +1,16 @@
 """The Hierarchical Ray Engine (Szécsi, WSCG 2006), and the Ray Engine (Carr, Hall and Hart 2002), its baseline.
 
 Where the paper's parts are
-    2.1  rays in textures, every triangle a full-screen quad, t as depth    `tracer.trace_ray_engine`, `shaders.quad_vertex`
-    3    point sprites over tiles, test in the vertex shader                `shaders.sprite_vertex`
-    3    all tiles per primitive, texture fetch in the vertex shader        submission="primitive"
-    3    all primitives per tile, cone in uniforms                          submission="tile", `tracer.read_back`
-    3    the next ray written to the render target                          `shaders.intersection_fragment`
-    4    enclosing cone, incremental                                        `shaders.cone_fragment`, `refsim.geometry.cone`
-    4    cone–sphere test                                                   `refsim.geometry.cone.meets_sphere`
-    4    vertex layout                                                      `vertices.TriangleVertex`
-    5    a stencil bit a generation                                         `tracer.stencil_state`, `passes`
-    9    environment for rays that hit nothing                              `refsim.shading`
+    2.1  rays in textures, triangles as full-screen quads, t as depth  `tracer.trace_ray_engine`, `shaders.quad_vertex`
+    3    point sprites over tiles, test in the vertex shader  `shaders.sprite_vertex`
+    3    all tiles per primitive, texture fetch in the vertex shader  submission="primitive"
+    3    all primitives per tile, cone in uniforms  submission="tile", `tracer.read_back`
+    3    the next ray written to the render target  `shaders.intersection_fragment`
+    4    enclosing cone, incremental  `shaders.cone_fragment`, `refsim.geometry.cone`
+    4    cone–sphere test  `refsim.geometry.cone.meets_sphere`
+    4    vertex layout  `vertices.TriangleVertex`
+    5    a stencil bit a generation  `tracer.stencil_state`, `passes`
+    9    environment for rays that hit nothing  `refsim.shading`
 
 Symbols
     a apex, x axis, φ half of the opening angle: `Cone(apex, axis, cos, sin)`     r direction and p origin of a ray

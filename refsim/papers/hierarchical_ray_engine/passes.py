@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 from refsim.geometry.cone import Printed
 from refsim.papers.hierarchical_ray_engine import shaders
@@ -57,7 +57,7 @@ def _intersection(facing: str, smooth: bool) -> FragmentState:
     )
 
 
-@lru_cache(maxsize=None)
+@cache
 def ray_engine_pass(
     facing: str, smooth: bool, stencil: bool, early_tests: EarlyTests, depth_format: DepthStencilFormat
 ) -> Pipeline:
@@ -73,7 +73,7 @@ def ray_engine_pass(
     )
 
 
-@lru_cache(maxsize=None)
+@cache
 def hierarchical_pass(
     submission: str,
     facing: str,
@@ -98,7 +98,7 @@ def hierarchical_pass(
     )
 
 
-@lru_cache(maxsize=None)
+@cache
 def cone_pass(printed: Printed) -> Pipeline:
     """One fragment a tile builds the tile's cone (section 4)."""
     return Pipeline(

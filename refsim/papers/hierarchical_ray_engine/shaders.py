@@ -6,7 +6,7 @@ paper: tile, cone, primitive. Rays live in two textures: origin (w: t_max, 0 = d
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -115,13 +115,13 @@ class ConeUniforms(NamedTuple):
     tile_size: i32
 
 
-@lru_cache(maxsize=None)
+@cache
 def varyings(smooth: bool) -> type:
     """The varyings of a triangle primitive."""
     return SmoothTriangle if smooth else FlatTriangle
 
 
-@lru_cache(maxsize=None)
+@cache
 def triangle_varyings(smooth: bool) -> Any:
     """``(TriangleVertex, number) -> varyings``."""
     if smooth:
@@ -145,7 +145,7 @@ def triangle_varyings(smooth: bool) -> Any:
     return carry
 
 
-@lru_cache(maxsize=None)
+@cache
 def quad_vertex(smooth: bool) -> Any:
     """Section 2.1: a corner of the full-screen quad of triangle `instance`."""
     carry = triangle_varyings(smooth)
@@ -158,7 +158,7 @@ def quad_vertex(smooth: bool) -> Any:
     return vertex
 
 
-@lru_cache(maxsize=None)
+@cache
 def sprite_vertex(submission: str, smooth: bool, printed: Printed) -> Any:
     """Section 3: the cone–sphere test; a sprite of the tile's size, or an outlying position that clipping discards.
 
@@ -199,7 +199,7 @@ def sprite_vertex(submission: str, smooth: bool, printed: Printed) -> Any:
     return vertex
 
 
-@lru_cache(maxsize=None)
+@cache
 def intersection_fragment(facing: str, smooth: bool) -> Any:
     """Intersection and refracted direction in one shader: t as depth, the next ray as colour (sections 2.1, 3, 7)."""
     front_only = facing == "front"
@@ -225,7 +225,7 @@ def intersection_fragment(facing: str, smooth: bool) -> Any:
     return fragment
 
 
-@lru_cache(maxsize=None)
+@cache
 def cone_fragment(printed: Printed) -> Any:
     """Section 4: the enclosing cone of a tile's live rays, by the incremental algorithm; dead rays are skipped."""
 

@@ -17,12 +17,12 @@ from refsim.papers.hierarchical_ray_engine import passes, shaders
 from refsim.papers.hierarchical_ray_engine.results import cones_of, generation_of, ray_textures, trace_of
 from refsim.papers.hierarchical_ray_engine.vertices import corner_vertices, tile_vertices, triangle_vertices
 from refsim.pipeline.draw import draw
-from refsim.pipeline.resources import Framebuffer, Texture, VertexBuffer
+from refsim.pipeline.resources import Framebuffer, VertexBuffer
 from refsim.pipeline.state import DepthStencilFormat, DynamicState, EarlyTests, ScissorRect
 from refsim.pipeline.taps import Taps
+from refsim.results import Generation, Trace
 from refsim.scene.mesh import Scene
 from refsim.scene.rays import Rays
-from refsim.results import Cones, Generation, Trace
 
 STENCIL_BITS = 8
 ALL_BITS = 0xFF
@@ -119,6 +119,7 @@ def trace_hierarchical(
     textures, (width, height) = ray_textures(rays, tile_size)
     padded_height, padded_width = textures.origin.data.shape[1:]
     tiles = tile_vertices(padded_width, padded_height, tile_size)
+    per_vertex, per_instance = (triangles, tiles) if submission == "tile" else (tiles, triangles)
     image = ScissorRect(0, 0, width, height)
     scale = depth_scale(scene, rays)
     found: list[Generation] = []
@@ -127,12 +128,12 @@ def trace_hierarchical(
         counters = Counters()
         cone_target = build_cones(textures, tile_size, printed, corners, counters, options)
         target = _next_target(padded_width, padded_height, options.depth_format, stencil)
-        vertices, instances = ((triangles, tiles), tiles.count) if submission == "tile" else ((tiles, triangles), len(scene.triangles))
+        cones_read = read_back(cone_target, submission)
         draw(
             pipeline,
-            vertices=vertices,
-            instances=instances,
-            uniforms=shaders.TileUniforms(scale, scene.epsilon, np.float32(tile_size), read_back(cone_target, submission)),
+            vertices=(per_vertex, per_instance),
+            instances=per_instance.count,
+            uniforms=shaders.TileUniforms(scale, scene.epsilon, np.float32(tile_size), cones_read),
             textures=_with_cones(textures, cone_target),
             framebuffer=target,
             counters=counters,
