@@ -59,7 +59,11 @@ __all__ = [
 
 
 def trace(method: str, scene: Any, rays: Any, **options: Any) -> Any:
-    """`refsim.methods.trace`."""
+    """Shoots `rays` at `scene` (a `Scene` or a name) with `method` and follows every path; returns a `Trace`.
+
+    `refsim.METHODS[method].options` lists the options, each with its default and a sentence. Raises `InputError` for
+    an unknown method, option or value.
+    """
     from refsim.methods import trace as run
 
     return run(method, scene, rays, **options)
@@ -74,4 +78,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted((*__all__, "__version__"))

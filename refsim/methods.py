@@ -42,12 +42,12 @@ SHARED = (
     choice("facing", "both", ("both", "front"), "Which sides of a triangle are hit."),
     choice("shading", "geometric", ("geometric", "smooth"), "The normal that bends a ray."),
     choice("material", None, (None, *MATERIALS), "One surface for every triangle instead of the scene's."),
-    Option("errata", "corrected", "Which formulas of the paper stand as printed.", _errata),
+    Option("errata", "corrected", "Which formulas stand as printed (the hierarchical engine has them).", _errata),
     choice("backend", "numba", ("numba", "numpy"), "The pipeline, or the plain NumPy reference: small, slow, obvious."),
     whole("threads", None, 1, 1024, "Threads; by default all processors. The result does not depend on them."),
 )
 ENGINE = (
-    choice("early_tests", "ideal", tuple(policy.value for policy in EarlyTests), "When the stencil may reject early."),
+    choice("early_tests", "ideal", tuple(EarlyTests), "When a test may reject before the shader."),
     choice("depth_format", "depth32float-stencil8", tuple(DEPTH_FORMATS), "Format of the depth and stencil buffer."),
     Option("taps", None, "Collects what the stages held (`refsim.pipeline.taps.Taps`).", _taps),
 )

@@ -15,7 +15,7 @@ Known kinds
     - whatever numpy, numba, math, cmath, operator and builtins define: by name, their versions being part of the hash.
 
 Since a walk costs about a millisecond, it also notes every place it looked at. While none of them holds another object
-the fingerprint still stands, and :func:`unchanged` says so in some ten microseconds. Classes are taken to be immutable
+the fingerprint still stands, and :func:`unchanged` says so at little cost. Classes are taken to be immutable
 once made; names, cells, defaults and arrays are not.
 """
 

@@ -17,8 +17,9 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
+from numba.core.errors import NumbaError
 
-from refsim.counters import Counters
+from refsim.counters import ConservationError, Counters
 from refsim.errors import InputError
 from refsim.pipeline.fragment import (
     COUNTS,
@@ -55,8 +56,18 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="refsim")
 
 
-def _run_all(threads: int, tasks: list[Any]) -> list[Any]:
-    """Results of the tasks, in order; the kernels inside release the GIL."""
+def _run_all(label: str, threads: int, tasks: list[Any]) -> list[Any]:
+    """Results of the tasks, in order; the kernels inside release the GIL. A shader that does not compile is named."""
+    try:
+        return _results(threads, tasks)
+    except NumbaError as error:
+        lines = [line.strip() for line in str(error).splitlines()]
+        telling = ("Unknown attribute", "wrong tuple length", "missing a required", "too many positional", "No ")
+        cause = next((line for line in lines if any(word in line for word in telling)), lines[0])
+        raise InputError(f"{label}: a shader does not compile: {cause}") from error
+
+
+def _results(threads: int, tasks: list[Any]) -> list[Any]:
     if threads == 1 or len(tasks) == 1:
         return [task() for task in tasks]
     return [future.result() for future in [_pool(threads).submit(task) for task in tasks]]
@@ -84,8 +95,11 @@ def draw(
     per-vertex buffers; without them vertices run in order (`vertex_count` of them; default: all, or 1 without a
     per-vertex buffer), `instances` times. `uniforms` and `textures` are NamedTuples of scalars, tuples and arrays
     (a texture: `refsim.pipeline.resources.Texture`). `loop` forces one of the two fragment loops, which give the same
-    bits. Raises `InputError` naming the field that does not fit, before anything is drawn.
+    bits. Raises `InputError` naming the field that does not fit, before anything is drawn. A shader that reads beyond
+    an array reads foreign memory, as on a GPU; run with NUMBA_BOUNDSCHECK=1 in the environment to be told.
     """
+    if not isinstance(counters, Counters) or not isinstance(taps, Taps | None):
+        raise InputError("counters must be a Counters and taps a Taps.")
     call = checked_draw(
         pipeline, framebuffer, vertices, uniforms, textures, indices, instances, vertex_count,
         dynamic or DynamicState(), loop,
@@ -106,6 +120,7 @@ def draw(
     done.add("raster.primitives", primitives)
     counts = np.zeros(COUNTS, np.int64)
     scratch = Scratch.borrow()
+    covered_by_raster, shaded_before = 0, int(framebuffer.invocations.sum(dtype=np.int64))
     # What only the vertex stage can tell is refused before anything is drawn, at the price of running it twice
     if recorder is not None or (program.corners > 1 and primitives > slice_size(primitives, threads) * threads):
         rounds = _rounds(program, arguments, call, primitives, threads, scratch)
@@ -113,9 +128,11 @@ def draw(
         check_size(pipeline.label, covered if recorder is not None else 0)
     for part in _rounds(program, arguments, call, primitives, threads, scratch):
         _add_primitive_fates(done, part.fates.sum(axis=0))
+        covered_by_raster += int(part.fates[:, 4].sum())
         _run_fragments(program, arguments, call, part, threads, counts, recorder, loop, scratch)
     scratch.give_back()
     _add_fragment_fates(done, counts)
+    _check_stages(covered_by_raster, counts, int(framebuffer.invocations.sum(dtype=np.int64)) - shaded_before)
     # Counters and taps hear of a draw when all of it is drawn
     counters.merge(done)
     if taps is not None and vertex_tap is not None:
@@ -152,7 +169,7 @@ def _run_front_end(program: Program, arguments: Any, call: Any, part: Round, thr
             call.viewport, call.bounds, *columns, part.fates[k],
         )  # fmt: skip
 
-    _run_all(threads, [lambda k=k: run(k) for k in range(len(part.fates))])
+    _run_all(program.pipeline.label, threads, [lambda k=k: run(k) for k in range(len(part.fates))])
 
 
 def _bin_shape(mean_area: float, framebuffer: Framebuffer, threads: int, smallest: int) -> tuple[int, int]:
@@ -210,7 +227,7 @@ def _run_fragments(
             return local
 
         groups = _groups(start, bins, threads)
-        for local in _run_all(threads, [lambda group=group: task(group) for group in groups]):
+        for local in _run_all(program.pipeline.label, threads, [lambda group=group: task(group) for group in groups]):
             counts += local
         if recorder is not None:
             recorder.add(part.source, tap[1:])
@@ -234,6 +251,15 @@ def _groups(start: np.ndarray, bins: int, threads: int) -> list[tuple[int, int]]
     edges = np.linspace(0, start[bins], 4 * threads + 1)
     cuts = np.unique(np.concatenate(([0], np.searchsorted(start[: bins + 1], edges[1:-1]), [bins])))
     return [(int(a), int(b)) for a, b in pairwise(cuts)]
+
+
+def _check_stages(covered: int, counts: np.ndarray, shaded: int) -> None:
+    """What two stages count each on its own must agree; raises `ConservationError`."""
+    if covered != counts[COVERED]:
+        raise ConservationError(f"the rasteriser covered {covered} pixels, the fragment stage saw {counts[COVERED]}.")
+    invocations = counts[COVERED] - counts[EARLY_STENCIL] - counts[EARLY_DEPTH]
+    if shaded != invocations:
+        raise ConservationError(f"pixels count {shaded} fragment shader runs, their fates {invocations}.")
 
 
 def _refuse_crooked(part: Round) -> None:

@@ -76,8 +76,8 @@ def fragment_tests(fragment: FragmentState, state: DepthStencilState, policy: Ea
 class Program:
     """The kernels of one pipeline for one shape of uniforms and textures.
 
-    Kernels are looked up at every draw: `specialise` finds an unchanged one in microseconds, and notices when a
-    constant that a shader reads has changed.
+    Kernels are looked up at every draw: `specialise` finds an unchanged one at once, and notices when a constant
+    that a shader reads has changed.
     """
 
     def __init__(self, pipeline: Pipeline, uniforms: Any, textures: Any, indexed: bool) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from refsim.errors import InputError
 from refsim.jit import func
 from refsim.pipeline.depth import clear_value
 from refsim.pipeline.layout import Layout
-from refsim.pipeline.state import DepthStencilFormat, TextureFormat
+from refsim.pipeline.state import DepthStencilFormat, TextureFormat, member
 
 MAX_TARGET_PIXELS = 2**28
 
@@ -101,11 +101,14 @@ class Framebuffer:
         targets: Mapping[str, TextureFormat],
         depth_format: DepthStencilFormat = DepthStencilFormat.DEPTH32FLOAT_STENCIL8,
     ) -> None:
-        if width < 1 or height < 1 or width * height > MAX_TARGET_PIXELS:
+        whole = all(isinstance(size, int | np.integer) for size in (width, height))
+        if not whole or width < 1 or height < 1 or width * height > MAX_TARGET_PIXELS:
             raise InputError(f"a framebuffer of {width} × {height} pixels cannot be made; give 1 to 2**28 pixels.")
         self.width, self.height = int(width), int(height)
-        self.targets = {name: TextureFormat(form) for name, form in targets.items()}
-        self.depth_format = DepthStencilFormat(depth_format)
+        formats = {name: member("framebuffer", name, TextureFormat, form) for name, form in targets.items()}
+        self.targets = cast(dict[str, TextureFormat], formats)
+        checked = member("framebuffer", "depth_format", DepthStencilFormat, depth_format)
+        self.depth_format = cast(DepthStencilFormat, checked)
         float_planes = sum(form.components for form in self.targets.values() if form.is_float)
         int_planes = sum(form.components for form in self.targets.values() if not form.is_float)
         shape = (self.height, self.width)

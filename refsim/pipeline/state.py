@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum, StrEnum
+from enum import Enum, IntEnum, StrEnum
 from typing import Any, NamedTuple
+
+from refsim.errors import InputError
 
 
 class CompareFunction(IntEnum):
@@ -198,3 +200,25 @@ class Pipeline:
     depth_stencil: DepthStencilState = NO_DEPTH_STENCIL
     early_tests: EarlyTests = EarlyTests.IDEAL
     label: str = "draw"
+
+    def __post_init__(self) -> None:
+        for name, enum in (("topology", PrimitiveTopology), ("early_tests", EarlyTests)):
+            object.__setattr__(self, name, member(self.label, name, enum, getattr(self, name)))
+        state, face = self.depth_stencil, self.depth_stencil.stencil_front
+        member(self.label, "depth_stencil.format", DepthStencilFormat, state.format)
+        member(self.label, "depth_stencil.depth_compare", CompareFunction, state.depth_compare)
+        member(self.label, "stencil_front.compare", CompareFunction, face.compare)
+        for name in ("fail_op", "depth_fail_op", "pass_op"):
+            member(self.label, f"stencil_front.{name}", StencilOperation, getattr(face, name))
+        for stage, shader in (("vertex", self.vertex.shader), ("fragment", self.fragment.shader)):
+            if not hasattr(shader, "py_func"):
+                raise InputError(f"{self.label}: the {stage} shader {shader!r} is not marked with @refsim.func.")
+
+
+def member(label: str, name: str, enum: type[Enum], value: object) -> Enum:
+    """The member of `enum` that `value` is or spells; `InputError` names the field and what it may be."""
+    try:
+        return enum(value)
+    except ValueError:
+        known = ", ".join(f"{part.name} ({part.value})" for part in enum)
+        raise InputError(f"{label}: {name} is {value!r}; it must be one of {known}.") from None

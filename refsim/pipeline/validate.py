@@ -42,6 +42,11 @@ def checked_draw(
     loop: str,
 ) -> Call:
     """The checked call. Raises `InputError`."""
+    for name, value, kind in (
+        ("pipeline", pipeline, Pipeline), ("framebuffer", framebuffer, Framebuffer), ("dynamic", dynamic, DynamicState)
+    ):  # fmt: skip
+        if not isinstance(value, kind):
+            raise InputError(f"{name} must be a {kind.__name__}, not {type(value).__name__}.")
     if loop not in ("auto", "dense", "list"):
         raise InputError(f"{pipeline.label}: loop must be 'auto', 'dense' or 'list', not {loop!r}.")
     buffers = vertices if isinstance(vertices, tuple) else (vertices,)

@@ -22,7 +22,7 @@ TEST_ROUNDINGS = 64
 
 
 class Errata(NamedTuple):
-    """Which errata stand as printed; the names are those of findings HRE-E1 ... HRE-E7. Default: all corrected."""
+    """Which errata stand as printed; E1 to E7 are the option's HRE-E1 to HRE-E7. Default: all corrected."""
 
     E1: bool = False
     E2: bool = False

@@ -75,7 +75,8 @@ def depth_scale(scene: Scene, eye: Rays) -> np.float32:
     origins = eye.origin[eye.t_max > 0].astype(np.float64)
     points = np.concatenate([np.stack([scene.lower, scene.upper]).astype(np.float64), origins])
     diagonal = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
-    return np.float32(2.0 ** -np.ceil(np.log2(1.01 * diagonal + 4 * float(scene.epsilon))))
+    farthest = max(1.01 * diagonal + 4 * float(scene.epsilon), float(np.finfo(np.float32).tiny))
+    return np.float32(2.0 ** -np.ceil(np.log2(farthest)))
 
 
 def ray_engine(scene: Scene, eye: Rays, options: Mapping[str, Any]) -> Pass:

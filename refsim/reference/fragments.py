@@ -37,8 +37,8 @@ class FragmentTests:
     stencil: bool
 
     def stored(self, z: np.ndarray) -> np.ndarray:
-        """Depth as the buffer holds it: clamped to [0, 1] (NaN: 0); round(z (2^24 − 1)) in the fixed-point format."""
-        clamped = np.where(z > 0, np.where(z < 1, z, np.float32(1)), np.float32(0)).astype(np.float32)
+        """Depth as the buffer holds it: clamped to [0, 1] (NaN: 1); round(z (2^24 − 1)) in the fixed-point format."""
+        clamped = np.where(z < 1, np.where(z > 0, z, np.float32(0)), np.float32(1)).astype(np.float32)
         if self.depth_format == "depth24unorm-stencil8":
             return np.floor(clamped.astype(np.float64) * UNORM24 + 0.5).astype(np.float32)
         return clamped

@@ -2,8 +2,8 @@
 
 Same hits, rays, cones and counters as the pipeline, bit for bit, from the equations of `triangle`, `optics`, `cone`
 and `sphere` in float32. One NumPy pass over the pixels a triangle, and for the cones one over the tiles a ray of the
-fullest tile: per generation some 0.15 ms a triangle and 0.4 ms a ray of the fullest tile at 40 × 30 rays. Meant for
-images of a few thousand rays and scenes of a few hundred triangles; memory is a few columns a pixel.
+fullest tile, each generation. Meant for images of a few thousand rays and scenes of a few hundred triangles; memory
+is a few columns a pixel.
 """
 
 from __future__ import annotations

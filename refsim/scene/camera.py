@@ -41,6 +41,8 @@ def camera_rays(
     Looking straight down or up, where +y gives no up, right is +x: the top of the picture is -z, or +z.
     ``InputError`` names the argument that is wrong.
     """
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene must be a refsim.Scene (refsim.load_scene makes one), not {type(scene).__name__}")
     pixels = _check_size(width, height)
     eye, right, up, forward = camera_frame(scene, view, fov, fill)
     half = math.tan(math.radians(fov) * 0.5)

@@ -1,7 +1,7 @@
 """Mesh files made safe for trimesh: what it would lose, reorder, clip or wrap without a word is refused or spelt out.
 
 Each function takes the bytes of a file and returns bytes that trimesh reads rightly; the comments name what it would do
-otherwise (measured with trimesh 5.2). Numbers are left as the file spells them.
+otherwise (as trimesh 5.2 does). Numbers are left as the file spells them.
 """
 
 from __future__ import annotations

@@ -13,7 +13,6 @@
 import enum
 import functools
 import struct
-import time
 import types
 from typing import Any, NamedTuple
 
@@ -266,28 +265,3 @@ def test_unknown_kinds_are_refused_by_name(word: str, where: str) -> None:
             "default": "a default of w.shader", "module": "own.culprit"}[where] in str(caught.value)
     assert isinstance(caught.value, InputError)
     assert isinstance(caught.value, TypeError)
-
-
-def test_a_typical_draw_is_quick() -> None:
-    lines = ["@func\ndef f0(x): return x + K0"] + [
-        f"@func\ndef f{i}(x, y=1.0):\n"
-        f"    z = f{i - 1}(x) * np.sqrt(K{i % 8}) + f{i // 2}(y) + TABLE[{i}] + Mode.ADD.value\n"
-        f"    return (z, np.float32(z))[0] + Light(x, y).power" for i in range(1, 30)]
-    names = {"func": func, "np": np, "TABLE": np.arange(64.0), "Mode": enum.IntEnum("Mode", {"ADD": 1, "KEEP": 2}),
-             "Light": NamedTuple("Light", [("power", float), ("color", tuple[float, float])]),
-             **{f"K{i}": float(i) for i in range(8)}, "__name__": "draw"}
-    exec("\n".join(lines), names)
-
-    def quickest(action: Any) -> float:
-        times = []
-        for _ in range(20):
-            start = time.perf_counter()
-            action()
-            times.append(time.perf_counter() - start)
-        return min(times)
-
-    slots = {"SLOT": names["f29"], **{f"f{i}": names[f"f{i}"] for i in range(8)}}
-    assert quickest(lambda: fingerprint(template, slots)) < 5e-3
-    kernel = specialise(template, slots)
-    assert quickest(lambda: specialise(template, slots)) < 0.5e-3
-    assert specialise(template, slots) is kernel

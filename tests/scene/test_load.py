@@ -16,7 +16,6 @@ from __future__ import annotations
 import struct
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -289,9 +288,7 @@ def test_real_meshes_at_hand_are_the_published_ones() -> None:
     for name in absent():
         print(f"{name}: missing")
     for name in present():
-        start = time.perf_counter()
         scene = load_scene(name)
-        assert time.perf_counter() - start < 5.0
         assert len(scene) == KNOWN_MESHES[name].triangles == scene_names()[name], name
     dragon = real_scene("dragon")
     assert dragon is None or int(dragon.degenerate.sum()) == 108  # as the source publishes

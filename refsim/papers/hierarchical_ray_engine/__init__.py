@@ -19,10 +19,19 @@ Symbols
 
 Deviations, beside the errata HRE-E1…E7 (`refsim.geometry.cone.Printed`, option `errata`)
     - A tile's draw call is an instance of one instanced draw: the same vertices in the same order, cones in a uniform
-      array instead of 256 changes of one uniform. No draw call is saved or counted that changes a result.
+      array instead of 256 changes of one uniform; `draw.calls` counts 1, not one a tile.
     - The opening is kept as (cos φ, sin φ); a second loop over the tile's rays measures what float32 left outside.
     - Targets are padded to whole tiles with dead rays and drawn under a scissor; the paper's sizes divide evenly.
     - The next-ray target is cleared to dead rays in every pass; the paper does not say what stays in skipped pixels.
-    - From generation 8 on no stencil bit is left: nothing is excluded, as the paper says; dead rays hit nothing anyway.
-    - Rays that end on a non-ideal (diffuse) surface stop there.
+    - From generation 8 on no stencil bit is left and nothing is excluded: one reading of "without excluding further
+      terminated paths"; dead rays hit nothing anyway.
+    - All rays are traced, eye rays included; the paper takes the first hits from rasterisation (section 3).
+    - Ideal and non-ideal triangles share a pass: a ray that ends on a diffuse surface sets its stencil bit, so its
+      pixel is shaded once more, with a dead ray.
+    - A new ray starts epsilon off the surface; depth is t times a power of two that takes every t below 1.
+    - A cone wider than 82.8° (cos φ = 1/8) counts as unbounded, and the sphere test allows 2⁻¹⁸ (d + r) for float32:
+      why, `refsim.geometry.cone`. Spheres are as large as the hits that float32 accepts (`refsim.geometry.sphere`).
+    - t of the translation is −(w cos φ − z sin φ) / (2 sin φ cos φ), the same number as g²/(e·g) without the difference
+      of vectors; HRE-E4 as printed is evaluated without arc functions, where both sides have the same sign.
+    - The layout's plane offset and texture coordinates are carried and not read; the surface rides in texture 0's w.
 """

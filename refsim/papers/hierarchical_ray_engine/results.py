@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from refsim.counters import Counters
+from refsim.counters import ConservationError, Counters
 from refsim.errors import InputError
 from refsim.papers.hierarchical_ray_engine.shaders import RayTextures
 from refsim.pipeline.resources import MAX_TARGET_PIXELS, Framebuffer, Texture
@@ -51,7 +51,7 @@ def _cut(planes: np.ndarray, image: ScissorRect, count: int) -> np.ndarray:
 def _rows(planes: np.ndarray, image: ScissorRect, count: int) -> np.ndarray:
     """Planes [k, h, w] without padding as contiguous rows [count, k]."""
     rows = np.empty((count, len(planes)), np.float32)
-    for k, plane in enumerate(_cut(planes, image, count)):  # three times as quick as copying the transpose
+    for k, plane in enumerate(_cut(planes, image, count)):  # quicker than copying the transpose
         rows[:, k] = plane
     return rows
 
@@ -69,6 +69,7 @@ def generation_of(
     before: list[Generation],
     counters: Counters,
     cones: Cones | None,
+    triangles: int,
 ) -> Generation:
     """The pass that has just been drawn, as rows; completes and checks its counters."""
     count = len(eye)
@@ -96,6 +97,10 @@ def generation_of(
     if cones is not None:
         for state in TileState:
             counters.add(f"cone.tiles_{state.name.lower()}", int((cones.state == state).sum()))
+        if counters["cone.sphere_tests"] != len(cones.state) * triangles:
+            raise ConservationError(f"{len(cones.state)} tiles, {triangles} triangles: not every pair was tested once.")
+    if sum(counters[f"rays.{name}"] for name in ("eye", "reflected", "refracted")) != int(alive.sum()):
+        raise ConservationError("a live ray is neither an eye ray nor reflected nor refracted.")
     counters.check()
     parent = np.where(alive & bool(before), pixel, -1).astype(np.int32)
     return Generation(

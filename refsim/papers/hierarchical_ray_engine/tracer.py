@@ -62,6 +62,7 @@ def depth_scale(scene: Scene, rays: Rays) -> np.float32:
         lowest[axis] = min(lowest[axis], origins[:, axis].min())
         highest[axis] = max(highest[axis], origins[:, axis].max())
     farthest = 1.01 * float(np.linalg.norm(highest - lowest)) + 4 * float(scene.epsilon)
+    farthest = max(farthest, float(np.finfo(np.float32).tiny))  # all in one point
     return np.float32(2.0 ** -np.ceil(np.log2(farthest)))
 
 
@@ -101,7 +102,7 @@ def trace_ray_engine(scene: Scene, rays: Rays, options: EngineOptions) -> Trace:
             taps=options.taps,
             threads=options.threads,
         )
-        found.append(generation_of(rays, textures, target, image, found, counters, None))
+        found.append(generation_of(rays, textures, target, image, found, counters, None, triangles.count))
         textures = shaders.RayTextures(target.texture("origin"), target.texture("direction"))
         stencil = target.stencil
     return trace_of("ray_engine", scene, rays, found)
@@ -144,7 +145,7 @@ def trace_hierarchical(
         cones = cones_of(cone_target, tile_size)
         counters.add("cone.sphere_tests", counters["vertex.invocations"] - CORNERS_OF_CONE_PASS)
         counters.add("cone.pairs_kept", counters["raster.primitives"] - 1 - counters["raster.clipped"])
-        found.append(generation_of(rays, textures, target, image, found, counters, cones))
+        found.append(generation_of(rays, textures, target, image, found, counters, cones, triangles.count))
         textures = shaders.RayTextures(target.texture("origin"), target.texture("direction"))
         stencil = target.stencil
     return trace_of("hierarchical_ray_engine", scene, rays, found)

@@ -15,7 +15,7 @@ import numpy as np
 from refsim.counters import Counters
 from refsim.geometry.triangle import pack_triangles
 from refsim.jit import specialise
-from refsim.papers.brute_force_kernels import nearest_hits, new_rays
+from refsim.papers.brute_force.kernels import nearest_hits, new_rays
 from refsim.results import Generation, RayKind, Trace, summed_per_ray
 from refsim.scene.mesh import Scene
 from refsim.scene.rays import Hits, Rays
