@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-from refsim.experiments import claims, cover, errata, figure_4, figure_5, figure_6, figure_7, tile_size
+from refsim.experiments import claims, cover, dead_rays, errata, figure_4, figure_5, figure_6, figure_7, tile_size
 from refsim.experiments.registry import Case, Experiment
 
 SMALL = {"size_px": 24, "tile_px": 8, "backend": "numpy"}
@@ -37,6 +37,9 @@ def tiny_cases(name: str) -> list[Case]:
         sizes, bodies = (100, 200), {"torus_knot", "sphere"}
         cases = [case for case in figure_7.cases(True) if case["triangles"] == 100 and case["body"] in bodies]
         return [{**case, **SMALL, "generations": 3, "triangles": size} for size in sizes for case in cases]
+    if name == "claims-hre":
+        cases = [case for case in dead_rays.cases(True) if case["scene"] == "torus_knot_1024"]
+        return [{**case, **SMALL, "scene": "torus_knot_100", "generations": 3} for case in cases]
     return []
 
 
