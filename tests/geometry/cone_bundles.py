@@ -91,6 +91,43 @@ def bundles(draw):
     return Bundles(p, np.where(live[..., None], r, np.float32(0)), live, np.array([KINDS.index(kind)]))
 
 
+class Recipe(NamedTuple):
+    """Few numbers that describe 100 bundles, so that a failing example is short and shrinks: towards few rays, scale
+    and spread near 1 and a small seed."""
+
+    kind: str
+    rays: int           # most rays of a bundle
+    spread: float       # of the directions and of the scale, exponents of ten
+    scale: float
+    seed: int
+
+
+@st.composite
+def recipes(draw):
+    """Recipes of every kind; those that are mostly bounded twice as often."""
+    kind = draw(st.sampled_from((*KINDS, "tight", "moderate", "parallel", "far off")))
+    ranges = {"tight": (-7, -2), "moderate": (-2, -0.5), "wide": (-0.5, 0.5)}
+    spread = draw(st.floats(*ranges.get(kind, (-6, 0))))
+    return Recipe(kind, draw(st.integers(2, 8)), spread, draw(st.floats(-6, 6)), draw(st.integers(0, 2**32 - 1)))
+
+
+def prepare(recipe):
+    """The 100 bundles of a recipe, 92 of them with two live rays or more, up or down half an order of magnitude."""
+    rng = np.random.default_rng(recipe.seed)
+    b, n = 100, recipe.rays
+    spread, scale = (10.0 ** (x + rng.uniform(-0.5, 0.5, (b, 1, 1))) for x in (recipe.spread, recipe.scale))
+    origins = rng.uniform(-1, 1, (b, n, 3)) * 10.0 ** rng.uniform(-4, 0, (b, 1, 1))
+    p, r = arrange(
+        recipe.kind, rng.normal(size=(b, 3)), rng.normal(size=(b, n, 3)), origins, spread, scale,
+        rng.choice([-1.0, 1.0], (b, n)),
+    )
+    # Live rays anywhere in the row: none or one in 8 bundles of 100, else 2 to n.
+    count = np.where(rng.random(b) < 0.08, rng.integers(0, 2, b), rng.integers(2, n + 1, b))
+    live = np.argsort(rng.random((b, n)), axis=1) < count[:, None]
+    r[~live] = 0.0
+    return Bundles(p, r, live, np.full(b, KINDS.index(recipe.kind)))
+
+
 def outside_by(cones, slack, bundle, t):
     """How far the points p + t r lie outside the cone grown by slack, over their distance from the apex: float64
     ``[b, n]``.
