@@ -10,9 +10,9 @@ import sys
 
 import numpy as np
 import pytest
-from hit_only import CLoop, RayEngine
 
 import refsim
+from benchmarks.hit_only import CLoop, RayEngine
 
 THREADS = 2
 SCENE = "torus_knot_5000"
@@ -34,7 +34,8 @@ def test_against_c(benchmark, scene, report, tmp_path) -> None:
 
     benchmark.pedantic(engine, setup=both_in_turn, rounds=12, warmup_rounds=1)
     ours, theirs = engine.tests / benchmark.stats.stats.min / 1e9, engine.tests / best["c"] / 1e9
-    assert np.array_equal(engine.target.color("triangle")[0].ravel() >= 0, loop.number >= 0)
+    # gcc contracts multiplications and additions, so rays that pass an edge may differ
+    assert np.mean(engine.target.color("triangle")[0].ravel() == loop.number) > 0.999
     report(f"ray engine, 256² × {len(scene.triangles):,}: {ours:.2f} G tests/s (target 1.5, aim 2.5)")
     report(f"  C, gcc -O3 -march=native, {THREADS} threads: {theirs:.2f} G tests/s; ratio {ours / theirs:.2f} (≥ 0.4)")
 

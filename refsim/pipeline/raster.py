@@ -130,9 +130,12 @@ def bin_primitives(rect, ids, first, log2_width, log2_height, bins_x, start, ite
         total += np.int64(bx1 - bx0) * np.int64(by1 - by0)
         if total > items.shape[0]:
             break
-        for by in range(by0, by1):
-            for bx in range(bx0, bx1):
-                start[U(by * bins_x + bx + 2)] += 1
+        if (bx1 - bx0) * (by1 - by0) == 1:  # the usual case, without loops
+            start[U(by0 * bins_x + bx0 + 2)] += 1
+        else:
+            for by in range(by0, by1):
+                for bx in range(bx0, bx1):
+                    start[U(by * bins_x + bx + 2)] += 1
         last += 1
     for b in range(2, bins + 2):
         start[U(b)] += start[U(b - 1)]
