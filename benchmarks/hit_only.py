@@ -112,8 +112,8 @@ class CLoop:
         )
         self.function = ctypes.CDLL(str(library)).nearest_hits
         records = pack_triangles(scene.triangles)
-        self.triangles = np.column_stack([records.v0, records.n, records.m1, records.m2])
-        self.rays = np.concatenate([rays.origin.T, rays.direction.T, rays.t_max[None]])
+        self.triangles = np.ascontiguousarray(np.column_stack([records.v0, records.n, records.m1, records.m2]))
+        self.rays = np.ascontiguousarray(np.concatenate([rays.origin.T, rays.direction.T, rays.t_max[None]]))
         self.hit = np.zeros((3, len(rays)), np.float32)
         self.number = np.zeros(len(rays), np.int32)
         self.pool = ThreadPoolExecutor(threads)

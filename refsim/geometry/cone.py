@@ -11,7 +11,7 @@ A tile's shader is two short loops over its live rays::
 and the vertex shader asks ``meets_sphere(cone, slack, centre, radius, printed)``.
 
 Guarantee of the corrected cone, whatever the number of rays and their order: after ``repair`` every ray, followed to
-infinity, stays within ``slack`` of the float32 cone read as exact numbers. With eps = 2^-24, ``excess`` is measured to
+infinity, stays within ``slack`` of the float32 cone read as exact numbers. With eps = 2^-24, ``excess`` errs by at most
 11 eps |p - a| (distance) and 12 eps (sine) in the worst case; 2^-20 = 16 eps of each is added. slack is at most
 2^-19 of the farthest origin's |p - a| plus 2^-22 of the apex' largest coordinate (measured; tested).
 
