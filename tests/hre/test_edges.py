@@ -7,6 +7,7 @@ Plan
 - Depth is t times a power of two below 1, so that different t stay different; scenes far away and tiny ones too.
 - 24-bit depth makes ties that float32 does not have: the triangle drawn first wins them.
 - Results are plain: shapes, dtypes, contiguous, and the input untouched.
+- A scene whose triangles were written to is traced as it stands, not as it was.
 """
 
 from __future__ import annotations
@@ -199,3 +200,15 @@ def test_results_are_plain_columns(method: str) -> None:
         assert trace.exit_rays.width == rays.width and trace.exit_rays.origin.shape == (n, 3)
     for column, copy in zip((rays.origin, rays.direction, rays.t_max), before, strict=True):
         assert (column == copy).all()
+
+
+def test_a_scene_that_is_written_to_is_traced_as_it_stands() -> None:
+    scene = refsim.load_scene("sphere_192")
+    scene = scene.replace(triangles=scene.triangles.copy())
+    rays = refsim.camera_rays(scene, 16, 16)
+    before = refsim.trace("ray_engine", scene, rays, generations=1)
+    scene.triangles[:] *= np.float32(0.5)
+    after = refsim.trace("ray_engine", scene, rays, generations=1)
+    fresh = refsim.trace("ray_engine", scene.replace(triangles=scene.triangles.copy()), rays, generations=1)
+    assert 0 < after.hits.hit.sum() < before.hits.hit.sum()
+    assert np.array_equal(after.hits.triangle, fresh.hits.triangle)

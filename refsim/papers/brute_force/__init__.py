@@ -5,7 +5,6 @@ Shares the ray–triangle test and the optics with the engines and nothing else;
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
@@ -16,6 +15,7 @@ from refsim.counters import Counters
 from refsim.geometry.triangle import pack_triangles
 from refsim.jit import specialise
 from refsim.papers.brute_force.kernels import nearest_hits, new_rays
+from refsim.pipeline.draw import default_threads
 from refsim.results import Generation, RayKind, Trace, summed_per_ray
 from refsim.scene.mesh import Scene
 from refsim.scene.rays import Hits, Rays
@@ -29,7 +29,7 @@ def trace_brute_force(
     triangles = np.column_stack([records.v0, records.n, records.m1, records.m2])
     surface = scene.optical_indices(ior)
     shoot, emit = specialise(nearest_hits, {}), specialise(new_rays, {})
-    workers = threads or len(os.sched_getaffinity(0))
+    workers = threads or default_threads()
     n = len(rays)
     kind = np.zeros(n, np.int32)
     eye = rays

@@ -10,7 +10,6 @@ The fourth component of texture 0 carries the surface: index of refraction, 0 mi
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +50,6 @@ class TileVertex(NamedTuple):
     texel: ivec2
 
 
-@lru_cache(maxsize=4)
 def triangle_vertices(scene: Scene, ior: float) -> VertexBuffer:
     """One vertex a triangle, in file order; `ior` serves glass that names no index of its own."""
     records = pack_triangles(scene.triangles)
