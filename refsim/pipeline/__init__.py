@@ -1,4 +1,5 @@
-"""A software pipeline: vertex, raster, fragment, stencil and depth stages behind one call. Knows nothing of rays.
+"""A software pipeline behind one call: vertex, geometry, stream output, raster, fragment, stencil, depth and blend
+stages. Knows nothing of rays.
 
     from refsim.pipeline import FragmentState, Framebuffer, Pipeline, VertexState, vec4
     from refsim.pipeline.draw import draw
@@ -12,12 +13,16 @@ import importlib
 from typing import Any
 
 _HOMES = {
+    "geometry": ("EMIT", "EMIT_AND_END", "SKIP"),
     "layout": ("f32", "i32", "ivec2", "ivec3", "ivec4", "vec2", "vec3", "vec4"),
     "resources": ("Framebuffer", "Texture", "VertexBuffer", "texel1", "texel3", "texel4"),
+    "interpolation": ("Interpolation",),
     "state": (
-        "CompareFunction", "DepthStencilFormat", "DepthStencilState", "DynamicState", "EarlyTests", "FragmentState",
-        "Pipeline", "PrimitiveTopology", "ScissorRect", "StencilFaceState", "StencilOperation", "TextureFormat",
-        "VertexBufferLayout", "VertexState", "VertexStepMode", "Viewport",
+        "BlendComponent", "BlendFactor", "BlendOperation", "BlendState", "ColorTargetState", "ColorWrite",
+        "CompareFunction", "CullMode", "DepthStencilFormat", "DepthStencilState", "DynamicState", "EarlyTests",
+        "FragmentState", "FrontFace", "GeometryState", "Pipeline", "PrimitiveTopology", "ScissorRect",
+        "StencilFaceState", "StencilOperation", "StreamOutputState", "TextureFormat", "VertexBufferLayout",
+        "VertexState", "VertexStepMode", "Viewport",
     ),
     "taps": ("Taps",),
 }  # fmt: skip

@@ -10,6 +10,7 @@ class that lives in a user's script must not be part of a compiled signature (it
 from __future__ import annotations
 
 import typing
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
@@ -93,41 +94,45 @@ class Layout:
             tree.append((name, (kinds[0], first, len(kinds), is_scalar)))
         return tree
 
-    def _source(self, tree: list[Any], cell: str, classes: dict[str, type]) -> str:
-        """Expression that builds the tree's NamedTuple from cells such as ``{a}[{k}, i]``."""
-        name = f"C{len(classes)}"
-        classes[name] = tree[0]
-        parts = []
-        for _, leaf in tree[1:]:
-            if isinstance(leaf, list):
-                parts.append(self._source(leaf, cell, classes))
-                continue
-            kind, first, size, is_scalar = leaf
-            cells = [cell.format(a="F" if kind == "f" else "I", k=first + j) for j in range(size)]
-            parts.append(cells[0] if is_scalar else f"({', '.join(cells)},)")
-        return f"{name}({', '.join(parts)})"
+    def rebuilt(self, leaf: Callable[[str, int, str], str]) -> tuple[str, dict[str, type]]:
+        """An expression that builds the NamedTuple from ``leaf(kind, column, path)`` a scalar, and its classes."""
+        classes: dict[str, type] = {}
 
-    def _leaf_paths(self, tree: list[Any], path: str) -> list[tuple[str, str, int]]:
-        """(path of the scalar, kind, column) of every leaf."""
+        def expression(tree: list[Any], path: str) -> str:
+            name = f"C{len(classes)}"
+            classes[name] = tree[0]
+            parts = []
+            for field, node in tree[1:]:
+                if isinstance(node, list):
+                    parts.append(expression(node, f"{path}.{field}"))
+                    continue
+                kind, first, size, is_scalar = node
+                paths = [f"{path}.{field}" + ("" if is_scalar else f"[{j}]") for j in range(size)]
+                cells = [leaf(kind, first + j, paths[j]) for j in range(size)]
+                parts.append(cells[0] if is_scalar else f"({', '.join(cells)},)")
+            return f"{name}({', '.join(parts)})"
+
+        return expression(self._expression, ""), classes
+
+    def leaves(self, root: str) -> list[tuple[str, str, int]]:
+        """(path of the scalar from `root`, kind, column) of every leaf."""
         found: list[tuple[str, str, int]] = []
-        for name, leaf in tree[1:]:
-            if isinstance(leaf, list):
-                found += self._leaf_paths(leaf, f"{path}.{name}")
-                continue
-            kind, first, size, is_scalar = leaf
-            for j in range(size):
-                found.append((f"{path}.{name}" + ("" if is_scalar else f"[{j}]"), kind, first + j))
+
+        def note(kind: str, column: int, path: str) -> str:
+            found.append((root + path, kind, column))
+            return ""
+
+        self.rebuilt(note)
         return found
 
     def _getter(self, cell: str) -> Any:
-        classes: dict[str, type] = {}
-        source = f"def get(F, I, i):\n    return {self._source(self._expression, cell, classes)}\n"
-        return device_function(source, "get", classes)
+        source, classes = self.rebuilt(lambda kind, column, _: cell.format(a="F" if kind == "f" else "I", k=column))
+        return device_function(f"def get(F, I, i):\n    return {source}\n", "get", classes)
 
     def _putter(self, cell: str) -> Any:
         lines = [
             f"    {cell.format(a='F' if kind == 'f' else 'I', k=column)} = {path}"
-            for path, kind, column in self._leaf_paths(self._expression, "value")
+            for path, kind, column in self.leaves("value")
         ]
         return device_function("def put(F, I, i, value):\n" + "\n".join(lines or ["    pass"]) + "\n", "put", {})
 

@@ -1,104 +1,57 @@
-"""Pipeline state as values: WebGPU's names and defaults, OpenGL's where WebGPU has none (quads, point size).
+"""Pipeline state as values: WebGPU's names and defaults, OpenGL's and Direct3D's where WebGPU has none (quads, point
+size, geometry shader, stream output).
 
-Nothing here runs. Operations, comparisons and formats are constants of a compiled draw; masks, references, viewport
-and scissor are run-time values (`DynamicState`), so that changing them between draws compiles nothing.
-
-What the pipeline does not draw yet has no name here: triangles, lines, blending.
+Nothing here runs. Operations, comparisons and formats are constants of a compiled draw; masks, references, constants,
+viewport and scissor are run-time values (`DynamicState`), so that changing them between draws compiles nothing.
+Lines, adjacency, multisampling and logic operations are left out. What cannot be combined is refused when a
+`Pipeline` is made (`refsim.pipeline.legality`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum, IntEnum, StrEnum
 from typing import Any, NamedTuple
 
-from refsim.errors import InputError
-
-
-class CompareFunction(IntEnum):
-    """A comparison of the new value with the stored one (stencil: of the masked reference with the masked value)."""
-
-    NEVER = 0
-    LESS = 1
-    EQUAL = 2
-    LESS_EQUAL = 3
-    GREATER = 4
-    NOT_EQUAL = 5
-    GREATER_EQUAL = 6
-    ALWAYS = 7
-
-
-class StencilOperation(IntEnum):
-    """What becomes of a stencil value (8 bits) after the tests."""
-
-    KEEP = 0
-    ZERO = 1
-    REPLACE = 2
-    INVERT = 3
-    INCREMENT_CLAMP = 4
-    DECREMENT_CLAMP = 5
-    INCREMENT_WRAP = 6
-    DECREMENT_WRAP = 7
-
-
-class DepthStencilFormat(IntEnum):
-    """`DEPTH32FLOAT_STENCIL8` keeps float32; `DEPTH24UNORM_STENCIL8` rounds to 24 bits fixed point, then compares."""
-
-    DEPTH32FLOAT_STENCIL8 = 0
-    DEPTH24UNORM_STENCIL8 = 1
-
-
-class EarlyTests(StrEnum):
-    """When stencil and depth are tested before the fragment shader. All but `FORCED` give the same picture.
-
-    `IDEAL` rejects early whenever that cannot be seen in the result. `MESA` does so only if the shader neither writes
-    depth nor discards (what Mesa's software rasterisers do). `NONE` never does. `FORCED` is GLSL's
-    ``early_fragment_tests``: tests *and updates* come first, and a depth that the shader writes is ignored.
-    """
-
-    IDEAL = "ideal"
-    MESA = "mesa"
-    NONE = "none"
-    FORCED = "forced"
-
-
-class PrimitiveTopology(StrEnum):
-    """`POINT_LIST`: square sprites of the vertex shader's size. `QUAD_LIST`: four vertices span a rectangle of the
-    screen (OpenGL's ``GL_QUADS``, axis-aligned only), each pixel of it once."""
-
-    POINT_LIST = "point-list"
-    QUAD_LIST = "quad-list"
-
-
-class VertexStepMode(StrEnum):
-    """Whether a vertex buffer advances with the vertex or with the instance."""
-
-    VERTEX = "vertex"
-    INSTANCE = "instance"
-
-
-class TextureFormat(StrEnum):
-    """Formats of colour targets and textures; 32 bits a component, stored as planes."""
-
-    R32FLOAT = "r32float"
-    RG32FLOAT = "rg32float"
-    RGB32FLOAT = "rgb32float"
-    RGBA32FLOAT = "rgba32float"
-    R32SINT = "r32sint"
-    RG32SINT = "rg32sint"
-    RGB32SINT = "rgb32sint"
-    RGBA32SINT = "rgba32sint"
-
-    @property
-    def components(self) -> int:
-        """Number of planes."""
-        return self.value.index("32")
-
-    @property
-    def is_float(self) -> bool:
-        """True for float32, False for int32."""
-        return self.value.endswith("float")
+from refsim.pipeline.enums import (
+    BlendFactor as BlendFactor,
+)
+from refsim.pipeline.enums import (
+    BlendOperation as BlendOperation,
+)
+from refsim.pipeline.enums import (
+    ColorWrite as ColorWrite,
+)
+from refsim.pipeline.enums import (
+    CompareFunction as CompareFunction,
+)
+from refsim.pipeline.enums import (
+    CullMode as CullMode,
+)
+from refsim.pipeline.enums import (
+    DepthStencilFormat as DepthStencilFormat,
+)
+from refsim.pipeline.enums import (
+    EarlyTests as EarlyTests,
+)
+from refsim.pipeline.enums import (
+    FrontFace as FrontFace,
+)
+from refsim.pipeline.enums import (
+    PrimitiveTopology as PrimitiveTopology,
+)
+from refsim.pipeline.enums import (
+    StencilOperation as StencilOperation,
+)
+from refsim.pipeline.enums import (
+    TextureFormat as TextureFormat,
+)
+from refsim.pipeline.enums import (
+    VertexStepMode as VertexStepMode,
+)
+from refsim.pipeline.enums import (
+    member as member,
+)
 
 
 class StencilFaceState(NamedTuple):
@@ -111,12 +64,42 @@ class StencilFaceState(NamedTuple):
 
 
 class DepthStencilState(NamedTuple):
-    """Depth and stencil state (WebGPU ``GPUDepthStencilState``). Points and quads face the front."""
+    """Depth and stencil state (WebGPU ``GPUDepthStencilState``). Points and quads face the front.
+
+    The bias of a triangle's depth is ``depth_bias`` · r + ``depth_bias_slope_scale`` · (its steepest depth change a
+    pixel), where r is the smallest step of the format; ``depth_bias_clamp`` bounds it if not 0.
+    """
 
     format: DepthStencilFormat = DepthStencilFormat.DEPTH32FLOAT_STENCIL8
     depth_write_enabled: bool = False
     depth_compare: CompareFunction = CompareFunction.ALWAYS
     stencil_front: StencilFaceState = StencilFaceState()
+    stencil_back: StencilFaceState = StencilFaceState()
+    depth_bias: int = 0
+    depth_bias_slope_scale: float = 0.0
+    depth_bias_clamp: float = 0.0
+
+
+class BlendComponent(NamedTuple):
+    """source · source factor (operation) destination · destination factor, for colour or alpha."""
+
+    operation: BlendOperation = BlendOperation.ADD
+    src_factor: BlendFactor = BlendFactor.ONE
+    dst_factor: BlendFactor = BlendFactor.ZERO
+
+
+class BlendState(NamedTuple):
+    """How a fragment's colour is joined with the one stored (WebGPU ``GPUBlendState``)."""
+
+    color: BlendComponent = BlendComponent()
+    alpha: BlendComponent = BlendComponent()
+
+
+class ColorTargetState(NamedTuple):
+    """What a fragment does to one colour target. `blend` None: it replaces what is stored."""
+
+    blend: BlendState | None = None
+    write_mask: ColorWrite = ColorWrite.ALL
 
 
 class Viewport(NamedTuple):
@@ -147,6 +130,7 @@ class DynamicState(NamedTuple):
     stencil_reference: int = 0
     stencil_read_mask: int = 0xFF
     stencil_write_mask: int = 0xFF
+    blend_constant: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -162,12 +146,41 @@ class VertexState:
     """Vertex stage.
 
     ``shader(uniforms, textures, attributes, vertex_index, instance_index)`` returns ``(position vec4, point_size f32,
-    varyings)``, where ``attributes`` is a tuple with one NamedTuple per buffer.
+    varyings)``, where ``attributes`` is a tuple with one NamedTuple per buffer. Over a triangle a varying is
+    interpolated as its annotation says (`refsim.pipeline.interpolation`): perspective-correct by default.
     """
 
     shader: Callable[..., Any]
     varyings: type
     buffers: tuple[VertexBufferLayout, ...] = ()
+
+
+@dataclass(frozen=True)
+class GeometryState:
+    """Geometry stage (Direct3D 10, OpenGL 3.2; WebGPU has none).
+
+    ``shader(uniforms, textures, vertices, primitive_index)`` returns a tuple of `max_vertices` entries ``(emission,
+    position vec4, point_size f32, varyings)``, taken in order. `emission` is `SKIP`, `EMIT` or `EMIT_AND_END` (of
+    `refsim.pipeline.geometry`): nothing, a vertex, or a vertex that ends its strip. ``vertices`` has one ``(position,
+    point_size, varyings)`` per corner of the primitive; ``primitive_index`` counts within the draw. `output` is
+    `POINT_LIST` or `TRIANGLE_STRIP`.
+    """
+
+    shader: Callable[..., Any]
+    varyings: type
+    output: PrimitiveTopology
+    max_vertices: int
+
+
+@dataclass(frozen=True)
+class StreamOutputState:
+    """What is captured of every primitive before it is rasterised: records of the NamedTuple class `record`.
+
+    A field is ``position`` (vec4), ``point_size`` (f32) or a varying of the last stage before the rasteriser, of the
+    same name and type. Points are captured as one record, triangles (strips too) as three.
+    """
+
+    record: type
 
 
 @dataclass(frozen=True)
@@ -177,7 +190,9 @@ class FragmentState:
     ``shader(uniforms, textures, varyings, inputs, pixel) -> (keep bool, depth f32, outputs)``; ``inputs`` holds the
     texels of the fragment's own pixel (Vulkan's input attachments: each field of `inputs` names a texture of the
     draw), ``pixel`` is (x, y) int32, and ``outputs`` is a NamedTuple whose fields are the framebuffer's targets.
-    `writes_depth` and `discards` say whether the returned depth and keep are used.
+    `writes_depth` and `discards` say whether the returned depth and keep are used. `targets` has one state for each
+    field of `outputs`, in order; empty: every target is replaced. A blend factor `SRC1…` reads the second source, the
+    field named ``src1`` that then stands last in `outputs` and is no target.
     """
 
     shader: Callable[..., Any]
@@ -185,6 +200,7 @@ class FragmentState:
     inputs: type | None = None
     writes_depth: bool = False
     discards: bool = False
+    targets: tuple[ColorTargetState, ...] = ()
 
 
 NO_DEPTH_STENCIL = DepthStencilState()
@@ -192,33 +208,35 @@ NO_DEPTH_STENCIL = DepthStencilState()
 
 @dataclass(frozen=True)
 class Pipeline:
-    """All state that a draw is compiled from. A value: make it once, draw with it often."""
+    """All state that a draw is compiled from. A value: make it once, draw with it often.
+
+    `fragment` None: depth and stencil only. `rasterizer_discard`: nothing is rasterised; what the stages before made
+    is seen by stream output and taps.
+    """
 
     vertex: VertexState
-    fragment: FragmentState
+    fragment: FragmentState | None = None
     topology: PrimitiveTopology = PrimitiveTopology.POINT_LIST
     depth_stencil: DepthStencilState = NO_DEPTH_STENCIL
     early_tests: EarlyTests = EarlyTests.IDEAL
     label: str = "draw"
+    front_face: FrontFace = FrontFace.CCW
+    cull_mode: CullMode = CullMode.NONE
+    geometry: GeometryState | None = None
+    stream_output: StreamOutputState | None = None
+    rasterizer_discard: bool = False
 
     def __post_init__(self) -> None:
-        for name, enum in (("topology", PrimitiveTopology), ("early_tests", EarlyTests)):
-            object.__setattr__(self, name, member(self.label, name, enum, getattr(self, name)))
-        state, face = self.depth_stencil, self.depth_stencil.stencil_front
-        member(self.label, "depth_stencil.format", DepthStencilFormat, state.format)
-        member(self.label, "depth_stencil.depth_compare", CompareFunction, state.depth_compare)
-        member(self.label, "stencil_front.compare", CompareFunction, face.compare)
-        for name in ("fail_op", "depth_fail_op", "pass_op"):
-            member(self.label, f"stencil_front.{name}", StencilOperation, getattr(face, name))
-        for stage, shader in (("vertex", self.vertex.shader), ("fragment", self.fragment.shader)):
-            if not hasattr(shader, "py_func"):
-                raise InputError(f"{self.label}: the {stage} shader {shader!r} is not marked with @refsim.func.")
+        from refsim.pipeline.legality import check_pipeline
 
+        check_pipeline(self)
 
-def member(label: str, name: str, enum: type[Enum], value: object) -> Enum:
-    """The member of `enum` that `value` is or spells; `InputError` names the field and what it may be."""
-    try:
-        return enum(value)
-    except ValueError:
-        known = ", ".join(f"{part.name} ({part.value})" for part in enum)
-        raise InputError(f"{label}: {name} is {value!r}; it must be one of {known}.") from None
+    @property
+    def rasterized(self) -> PrimitiveTopology:
+        """The topology that reaches the rasteriser: the geometry stage's, if there is one."""
+        return self.geometry.output if self.geometry else self.topology
+
+    @property
+    def last_varyings(self) -> type:
+        """The varyings of the last stage before the rasteriser."""
+        return self.geometry.varyings if self.geometry else self.vertex.varyings
