@@ -1,11 +1,10 @@
-"""What a draw reads and writes: textures, vertex buffers, the framebuffer. Plain arrays, stored as planes.
+"""What a draw reads and writes: textures, the framebuffer, vertex buffers. Plain arrays, stored as planes.
 
 Framebuffer origin is top-left, pixel centres at .5, rows first (WebGPU). A texture is ``data[component, y, x]``.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple, cast
 
@@ -13,9 +12,10 @@ import numpy as np
 
 from refsim.errors import InputError
 from refsim.jit import func
+from refsim.pipeline.blend import clear_values
 from refsim.pipeline.depth import clear_value
-from refsim.pipeline.layout import Layout
 from refsim.pipeline.state import DepthStencilFormat, TextureFormat, member
+from refsim.pipeline.vertex_buffer import VertexBuffer as VertexBuffer
 
 MAX_TARGET_PIXELS = 2**28
 
@@ -44,54 +44,12 @@ def texel4(texture: Any, x: Any, y: Any) -> Any:
     return texture.data[0, y, x], texture.data[1, y, x], texture.data[2, y, x], texture.data[3, y, x]
 
 
-class VertexBuffer:
-    """Columns of vertices: `floats` f32[k, capacity], `ints` i32[k, capacity], of which `count` vertices are filled.
-
-    `attributes` is the NamedTuple class whose fields are the columns.
-    """
-
-    def __init__(self, attributes: type, capacity: int) -> None:
-        layout = Layout.of(attributes)
-        self.attributes = attributes
-        self.capacity = int(capacity)
-        self.count = 0
-        self.floats = np.zeros((layout.floats, self.capacity), np.float32)
-        self.ints = np.zeros((layout.ints, self.capacity), np.int32)
-
-    @classmethod
-    def of(cls, attributes: type, **columns: Any) -> VertexBuffer:
-        """A full buffer from one array a field: shape [n] for a scalar, [n, k] for a vector.
-
-        Raises `InputError` when a field is missing, unknown, or of another length or width.
-        """
-        fields = {field.name: field for field in Layout.of(attributes).fields}
-        if set(columns) != set(fields):
-            odd = sorted(set(columns) ^ set(fields))
-            raise InputError(f"vertex buffer of {attributes.__name__}: field {odd[0]!r} is missing or unknown.")
-        for name, column in columns.items():
-            if np.ndim(column) == 0:
-                raise InputError(f"vertex buffer of {attributes.__name__}: {name!r} must be an array of rows.")
-        counts = {len(column) for column in columns.values()}
-        if len(counts) != 1:
-            raise InputError(f"vertex buffer of {attributes.__name__}: its columns differ in length: {sorted(counts)}.")
-        buffer = cls(attributes, counts.pop())
-        buffer.count = buffer.capacity
-        for name, column in columns.items():
-            field = fields[name]
-            values = np.asarray(column)
-            if values.size != buffer.count * field.size or math.prod(values.shape[1:]) != field.size:
-                raise InputError(f"vertex buffer of {attributes.__name__}: {name!r} needs {field.size} components.")
-            planes = buffer.floats if field.kind == "f" else buffer.ints
-            planes[field.first : field.first + field.size] = values.reshape(buffer.count, field.size).T
-        return buffer
-
-
 class Framebuffer:
     """Colour targets, depth, stencil, and the number of fragment-shader invocations per pixel.
 
     `floats` f32[planes, h, w] and `ints` i32[planes, h, w] hold all colour targets in the order given; `color(name)`
     is a view. `depth` is f32[h, w] in the units of `depth_format`, `stencil` uint8[h, w], `invocations` int32[h, w]
-    (logical invocations, summed over draws until cleared).
+    (logical invocations, summed over draws until cleared). A target of an 8-bit format holds float32 k / 255.
     """
 
     def __init__(
@@ -134,11 +92,18 @@ class Framebuffer:
         return Texture(self.color(name))
 
     def clear_color(self, name: str, value: float | tuple[float, ...]) -> None:
-        """Sets every pixel of target `name` to `value` (a scalar, or one number a component)."""
+        """Sets every pixel of target `name` to `value` (a scalar, or one number a component) as its format holds it."""
         planes, values = self.color(name), np.reshape(value, (-1, 1, 1))
         if len(values) not in (1, len(planes)):
             raise InputError(f"target {name!r} has {len(planes)} components, {len(values)} were given.")
-        planes[:] = values
+        planes[:] = clear_values(self.targets[name], values)
+
+    def bytes(self, name: str) -> np.ndarray:
+        """The 8-bit values uint8[component, h, w] of target `name`: a copy. Raises `InputError` for other formats."""
+        planes = self.color(name)
+        if not self.targets[name].is_unorm8:
+            raise InputError(f"target {name!r} is {self.targets[name].value}, which holds no bytes.")
+        return np.rint(planes * np.float32(255)).astype(np.uint8)
 
     def clear_depth(self, value: float = 1.0) -> None:
         """Sets every depth to `value` in [0, 1]."""
