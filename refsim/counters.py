@@ -21,10 +21,19 @@ class Counter(NamedTuple):
 _DECLARED = (
     Counter("draw.calls", "draws", "Draw calls submitted to the pipeline."),
     Counter("vertex.invocations", "invocations", "Vertex shader runs: one per index (or vertex) and instance."),
-    Counter("raster.primitives", "primitives", "Points or quads assembled from vertices."),
+    Counter("assembly.primitives", "primitives", "Points, quads or triangles assembled from vertices."),
+    Counter("geometry.invocations", "invocations", "Geometry shader runs: one per assembled primitive."),
+    Counter("geometry.vertices_out", "vertices", "Vertices that the geometry shader emitted."),
+    Counter("geometry.primitives_out", "primitives", "Points and strip triangles made of emitted vertices."),
+    Counter("stream_output.generated", "primitives", "Primitives offered to stream output."),
+    Counter("stream_output.primitives", "primitives", "Primitives written to the captured buffer."),
+    Counter("stream_output.overflowed", "primitives", "Primitives for which the captured buffer had no room."),
+    Counter("raster.primitives", "primitives", "Primitives that reach the rasteriser."),
+    Counter("raster.culled", "primitives", "Triangles dropped for the way they face."),
+    Counter("raster.clipped_pieces", "primitives", "Triangles drawn in the place of clipped ones."),
     Counter("raster.clipped", "primitives", "Primitives outside the clip volume, those moved out of view included."),
-    Counter("raster.empty", "primitives", "Primitives inside the clip volume that cover no pixel of the scissor."),
-    Counter("raster.drawn", "primitives", "Primitives that cover at least one pixel."),
+    Counter("raster.empty", "primitives", "Primitives in the clip volume whose bounds hold no pixel of the scissor."),
+    Counter("raster.drawn", "primitives", "Primitives whose bounds hold at least one pixel."),
     Counter("raster.fragments", "fragments", "Fragments made by the rasteriser inside the scissor."),
     Counter("stencil.failed_early", "fragments", "Fragments rejected by the stencil test before the fragment shader."),
     Counter("depth.failed_early", "fragments", "Fragments rejected by the depth test before the fragment shader."),
@@ -33,6 +42,7 @@ _DECLARED = (
     Counter("stencil.failed", "fragments", "Fragments that failed the stencil test, early or late."),
     Counter("depth.failed", "fragments", "Fragments that failed the depth test, early or late."),
     Counter("fragment.written", "fragments", "Fragments that passed everything and were written to the targets."),
+    Counter("blend.fragments", "fragments", "Written fragments that were blended in at least one target."),
     Counter("intersection.triangle_tests", "tests", "Ray–triangle tests: one a run of the intersection shader."),
     Counter("intersection.degenerate_triangles", "triangles", "Zero-area triangles of the scene: kept, never hit."),
     Counter("cone.sphere_tests", "tests", "Cone–sphere tests: one per triangle, tile and generation."),
@@ -56,7 +66,8 @@ class Law(NamedTuple):
 
 
 LAWS = (
-    Law(("raster.primitives",), ("raster.clipped", "raster.empty", "raster.drawn")),
+    Law(("stream_output.generated",), ("stream_output.primitives", "stream_output.overflowed")),
+    Law(("raster.primitives",), ("raster.clipped", "raster.culled", "raster.empty", "raster.drawn")),
     Law(
         ("raster.fragments",),
         ("fragment.discarded", "stencil.failed", "depth.failed", "fragment.written"),

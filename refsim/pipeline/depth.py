@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from refsim.jit import func
-from refsim.pipeline.state import DepthStencilFormat
+from refsim.pipeline.enums import DepthStencilFormat
 
 F = np.float32
 F0 = np.float32(0)
@@ -20,9 +20,9 @@ UNORM24 = np.float64(2**24 - 1)
 
 
 @func
-def stored_depth(depth_format, z):
-    """`z` clamped to [0, 1] (NaN becomes 1, the far end) in the units of `depth_format`; float32."""
-    z = max(F0, min(F1, z))  # in this order and with these functions: two instructions a packet, and NaN is settled
+def stored_depth(depth_format, z, low, high):
+    """`z` clamped to the viewport's depths [low, high] (NaN becomes the far end) in the units of `depth_format`."""
+    z = max(low, min(high, z))  # in this order and with these functions: two instructions a packet, and NaN is settled
     fixed = F(np.floor(np.float64(z) * UNORM24 + HALF))
     return fixed if depth_format == DepthStencilFormat.DEPTH24UNORM_STENCIL8 else z
 

@@ -17,17 +17,17 @@ from refsim.pipeline.fragment import (
     DISCARDED,
     EARLY_DEPTH,
     EARLY_STENCIL,
-    PACKET,
     STENCIL_FAILED,
     STENCIL_MASK,
     STENCIL_OFF,
     WRITTEN,
-    StencilValues,
+    TestValues,
     add_fates,
     resolve,
     shade,
     stages,
 )
+from refsim.pipeline.packet import OFF, PACKET
 from refsim.pipeline.stencil import stencil_passes
 
 I = np.int32  # noqa: E741
@@ -46,24 +46,27 @@ def fate_of(tests, masked, keep, stencil_ok, depth_ok):
 
 
 def listed_bins(
-    uniforms, textures, stencil_values, primitives, bins, shape, input_floats, input_ints, target, counts, tap
-):
+    uniforms, textures, test_values, blend_constant, primitives, bins, shape, input_floats, input_ints, target, counts,
+    tap,
+):  # fmt: skip
     """Runs the fragment stage over bins; arguments as `refsim.pipeline.dense.dense_bins`, and the tap's columns.
 
     `tap` = (offset i64[bins], primitive i32[m], pixel i32[2, m], fate i32[m], depth f32[m], floats [k, m], ints
-    [k, m]); bin b's fragments are written from offset[b] on. Without TAP it is not touched.
+    [k, m], what the targets hold after it: floats, ints); bin b's fragments are written from offset[b] on. Without TAP
+    it is not touched.
     """
     u = rebuild_uniforms(uniforms)
     t = rebuild_textures(textures)
-    values = StencilValues(stencil_values[0], stencil_values[1], stencil_values[2])
-    rect, depths, VF, VI = primitives
+    values = TestValues(test_values[0], test_values[1], test_values[2], test_values[3], test_values[4])
+    rect, _, _, _, corner, _ = primitives
     start, items, first_bin, last_bin, bins_x = bins
     log2_width, log2_height = shape
     color_f, color_i, depth_plane, stencil_plane, invocation_plane = target
-    tap_offset, tap_primitive, tap_pixel, tap_fate, tap_depth, tap_f, tap_i = tap
+    tap_offset, tap_primitive, tap_pixel, tap_fate, tap_depth, tap_f, tap_i, tap_stored_f, tap_stored_i = tap
     FW = np.zeros((IN_F + OUT_F + 1, PACKET), np.float32)
     IW = np.zeros((IN_I + OUT_I + 4, PACKET), np.int32)
     TF, OF, z_column = FW[:IN_F], FW[IN_F : IN_F + OUT_F], FW[IN_F + OUT_F]
+    W1, W2 = np.zeros(PACKET, np.float64), np.zeros(PACKET, np.float64)
     TI, OI = IW[:IN_I], IW[IN_I : IN_I + OUT_I]
     xs, ys, owner, kept = IW[IN_I + OUT_I], IW[IN_I + OUT_I + 1], IW[IN_I + OUT_I + 2], IW[IN_I + OUT_I + 3]
     local = np.zeros(COUNTS, np.int64)
@@ -84,9 +87,12 @@ def listed_bins(
                 bx, by = min(rect[p, 2], x_end), min(rect[p, 3], y_end)
                 if not opened:
                     x, y, opened = ax, ay, True
+                shape = shape_of(primitives, p)
                 while n < PACKET and y < by:
+                    inside, b1, b2 = locate(shape, x, y)
                     xs[U(n)], ys[U(n)], owner[U(n)] = x, y, I(p)
-                    n += 1
+                    W1[U(n)], W2[U(n)] = b1, b2
+                    n += 1 if inside else 0
                     x = I(x + 1)
                     if x == bx:
                         x, y = ax, I(y + 1)
@@ -103,8 +109,9 @@ def listed_bins(
             for j in range(n):
                 i, p = U(j), U(owner[U(j)])
                 pixel = xs[i], ys[i]
+                varyings, z = surface_at(surface_of(primitives, p), W1[i], W2[i])
                 keep, z, outputs = shade(
-                    fragment, TESTS, u, t, get_varyings(VF, VI, p), depths[p], get_inputs(TF, TI, i), pixel
+                    fragment, TESTS, values, u, t, varyings, z, get_inputs(TF, TI, i), pixel
                 )
                 kept[i] = I(keep)
                 z_column[i] = z
@@ -118,9 +125,14 @@ def listed_bins(
                 masked = True
                 if TESTS.stencil_mode == STENCIL_MASK:
                     masked = stencil_passes(TESTS.stencil, old_stencil, values.reference, values.read_mask)
-                written, s_ok, d_ok, new_depth, new_stencil = resolve(
-                    TESTS, values, masked, keep, z_column[i], depth_plane[py, px], old_stencil
-                )
+                if TWO_SIDED and corner[U(owner[i]), 6] == OFF:
+                    written, s_ok, d_ok, new_depth, new_stencil = resolve(
+                        BACK_TESTS, values, masked, keep, z_column[i], depth_plane[py, px], old_stencil
+                    )
+                else:
+                    written, s_ok, d_ok, new_depth, new_stencil = resolve(
+                        TESTS, values, masked, keep, z_column[i], depth_plane[py, px], old_stencil
+                    )
                 left1, left2 = stages(TESTS, masked, keep, s_ok, d_ok)
                 add_fates(
                     TESTS, local, one, np.int64(masked), np.int64(left1), np.int64(left2), np.int64(written)
@@ -131,11 +143,13 @@ def listed_bins(
                 fate = fate_of(TESTS, masked, keep, s_ok, d_ok)
                 if fate != EARLY_STENCIL and fate != EARLY_DEPTH:
                     invocation_plane[py, px] += I(1)
-                if written:
-                    for c in range(OUT_F):
+                if written and PLAIN:
+                    for c in range(TARGET_F):
                         color_f[U(c), py, px] = OF[U(c), i]
-                    for c in range(OUT_I):
+                    for c in range(TARGET_I):
                         color_i[U(c), py, px] = OI[U(c), i]
+                elif written:
+                    write_fragment(OF, OI, i, color_f, color_i, py, px, blend_constant)
                 if TAP:
                     a = U(at)
                     tap_primitive[a], tap_pixel[0, a], tap_pixel[1, a] = owner[i], xs[i], ys[i]
@@ -144,22 +158,27 @@ def listed_bins(
                         tap_f[U(c), a] = OF[U(c), i]
                     for c in range(OUT_I):
                         tap_i[U(c), a] = OI[U(c), i]
+                    for c in range(TARGET_F):
+                        tap_stored_f[U(c), a] = color_f[U(c), py, px]
+                    for c in range(TARGET_I):
+                        tap_stored_i[U(c), a] = color_i[U(c), py, px]
                     at += 1
     for c in range(COUNTS):
         counts[c] += local[c]
 
 
-def count_fragments(rect, bins, shape, offset):
+def count_fragments(primitives, bins, shape, offset):
     """Fills `offset` i64[bins] with where each bin's fragments start in a tap; returns how many there are."""
+    rect = primitives[0]
     start, items, first_bin, last_bin, bins_x = bins
     log2_width, log2_height = shape
     total = np.int64(0)
     for b in range(first_bin, last_bin):
         offset[U(b)] = total
-        y0, x0 = (b // bins_x) << log2_height, (b % bins_x) << log2_width
+        y0, x0 = I((b // bins_x) << log2_height), I((b % bins_x) << log2_width)
         for k in range(start[U(b)], start[U(b + 1)]):
             p = U(items[U(k)])
-            width = min(np.int64(rect[p, 2]), x0 + (1 << log2_width)) - max(np.int64(rect[p, 0]), x0)
-            height = min(np.int64(rect[p, 3]), y0 + (1 << log2_height)) - max(np.int64(rect[p, 1]), y0)
-            total += width * height
+            ax, ay = max(rect[p, 0], x0), max(rect[p, 1], y0)
+            bx, by = min(rect[p, 2], I(x0 + (1 << log2_width))), min(rect[p, 3], I(y0 + (1 << log2_height)))
+            total += fragments_of(shape_of(primitives, p), ax, ay, bx, by)
     return total

@@ -7,32 +7,45 @@ needed and found again by the pipeline's value; `refsim.jit` keeps them on disk.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
-from refsim.jit import specialise
+import numpy as np
+
+from refsim.jit import func, specialise
+from refsim.pipeline.assembly import SLOTS, triangle_slot
+from refsim.pipeline.color_writes import color_writes, target_fields
 from refsim.pipeline.dense import dense_bins
 from refsim.pipeline.fragment import STENCIL_IN_LOOP, STENCIL_MASK, STENCIL_OFF, Tests
 from refsim.pipeline.fragment_list import count_fragments, listed_bins
-from refsim.pipeline.layout import Layout, rebuilder
+from refsim.pipeline.geometry import amplify, amplify_slots, emission_of, emitted_fetcher, emitted_slots, emitted_vertex
+from refsim.pipeline.interpolation import Spread
+from refsim.pipeline.layout import Layout, device_function, rebuilder
 from refsim.pipeline.raster import bin_primitives
 from refsim.pipeline.state import (
     CompareFunction,
+    CullMode,
     DepthStencilState,
     EarlyTests,
     FragmentState,
+    FrontFace,
+    GeometryState,
     Pipeline,
-    PrimitiveTopology,
     StencilFaceState,
     StencilOperation,
+    TextureFormat,
 )
-from refsim.pipeline.vertex import attribute_fetcher, front_end, positions
+from refsim.pipeline.stream_output import capture, capture_slots
+from refsim.pipeline.surface import rectangle_slots, triangle_slots
+from refsim.pipeline.triangle_front import triangle_front
+from refsim.pipeline.vertex import attribute_fetcher, corner_shader, front_end, positions
 
 
 def fragment_tests(fragment: FragmentState, state: DepthStencilState, policy: EarlyTests) -> Tests:
-    """What the fragment loops do under `policy`. Early rejection is used only where it cannot be seen in the result:
+    """What the fragment loops do to front faces under `policy` (see `both_faces`).
 
-    stencil before the shader when failing changes nothing or the shader never discards; depth before the shader when
-    the shader does not write depth, and no discarded fragment could have changed the stencil by failing.
+    Early rejection is used only where it cannot be seen in the result: stencil before the shader when failing changes
+    nothing or the shader never discards; depth before the shader when the shader does not write depth, and no discarded
+    fragment could have changed the stencil by failing.
     """
     face = state.stencil_front
     forced = policy == EarlyTests.FORCED
@@ -73,6 +86,35 @@ def fragment_tests(fragment: FragmentState, state: DepthStencilState, policy: Ea
     )
 
 
+def both_faces(fragment: FragmentState, state: DepthStencilState, policy: EarlyTests) -> tuple[Tests, Tests]:
+    """The tests of front and back faces of triangles. Where they differ, both are tested in the loop, and early only
+    if that is right for both."""
+    back_state = state._replace(stencil_front=state.stencil_back)
+    front, back = fragment_tests(fragment, state, policy), fragment_tests(fragment, back_state, policy)
+    if state.stencil_front == state.stencil_back:
+        return front, front
+    shared: dict[str, Any] = {
+        "stencil_mode": STENCIL_IN_LOOP,
+        "early_stencil": front.early_stencil and back.early_stencil,
+        "tests_first": front.tests_first and back.tests_first,
+        "probe": False,
+    }
+    return front._replace(**shared), back._replace(**shared)
+
+
+class Nothing(NamedTuple):
+    """No colour targets."""
+
+
+@func
+def no_colour(uniforms: Any, textures: Any, varyings: Any, inputs: Any, pixel: Any) -> Any:
+    """The fragment shader of a pipeline that has none: the rasteriser's depth."""
+    return True, np.float32(0), ()
+
+
+NO_FRAGMENT = FragmentState(no_colour, Nothing)
+
+
 class Program:
     """The kernels of one pipeline for one shape of uniforms and textures.
 
@@ -80,17 +122,29 @@ class Program:
     that a shader reads has changed.
     """
 
-    def __init__(self, pipeline: Pipeline, uniforms: Any, textures: Any, indexed: bool) -> None:
+    def __init__(
+        self, pipeline: Pipeline, uniforms: Any, textures: Any, indexed: bool, formats: tuple[TextureFormat, ...]
+    ) -> None:
         self.pipeline = pipeline
-        self.corners = 1 if pipeline.topology == PrimitiveTopology.POINT_LIST else 4
+        self.triangles = pipeline.rasterized.is_triangles
         self.varyings = Layout.of(pipeline.vertex.varyings)
-        self.outputs = Layout.of(pipeline.fragment.outputs)
-        self.inputs = Layout.of(pipeline.fragment.inputs) if pipeline.fragment.inputs else None
-        self.tests = fragment_tests(pipeline.fragment, pipeline.depth_stencil, pipeline.early_tests)
+        self.spread: Any = Spread.of(pipeline.last_varyings) if self.triangles else Layout.of(pipeline.last_varyings)
+        fragment = pipeline.fragment or NO_FRAGMENT
+        self.fragment = fragment
+        self.outputs = Layout.of(fragment.outputs)
+        self.inputs = Layout.of(fragment.inputs) if fragment.inputs else None
+        self.tests, self.back_tests = fragment_tests(fragment, pipeline.depth_stencil, pipeline.early_tests), None
+        if self.triangles:
+            self.tests, self.back_tests = both_faces(fragment, pipeline.depth_stencil, pipeline.early_tests)
         self._rebuild = {"rebuild_uniforms": rebuilder(uniforms), "rebuild_textures": rebuilder(textures)}
+        self.writes = color_writes(pipeline.fragment, formats)
+        self.target_fields = target_fields(fragment)
         self._indexed = indexed
         self._vertex_slots = self._slots_of_vertex_stage()
         self._fragment_slots = self._slots_of_fragment_stage()
+        self.emission = emission_of(pipeline)
+        self._emission_slots = self._slots_of_emission(self.emission) if self.emission else {}
+        self._front_slots = self._slots_of_front_end()
 
     def _slots_of_vertex_stage(self) -> dict[str, Any]:
         return {
@@ -99,28 +153,82 @@ class Program:
             "vertex_shader": self.pipeline.vertex.shader,
             "put_varyings": self.varyings.put_row,
             "INDEXED": self._indexed,
-            "CORNERS": self.corners,
+            "CORNERS": self.pipeline.topology.corners,
+        }
+
+    def _slots_of_triangles(self, fetch: Any, vertex_shader: Any, slot: Any, indexed: bool) -> dict[str, Any]:
+        pipeline, state = self.pipeline, self.pipeline.depth_stencil
+        biased = state.depth_bias != 0 or state.depth_bias_slope_scale != 0
+        sign = -1 if pipeline.front_face == FrontFace.CCW else 1
+        facing = (sign, pipeline.cull_mode == CullMode.FRONT, pipeline.cull_mode == CullMode.BACK, biased)
+        return {
+            **self._rebuild,
+            "corner_shader": corner_shader(vertex_shader, fetch, slot, indexed),
+            "put_spread": self.spread.put,
+            "mix": self.spread.mix,
+            "FACING": facing,
         }
 
     def _slots_of_fragment_stage(self) -> dict[str, Any]:
-        inputs = self.inputs
+        inputs, writes = self.inputs, self.writes
         return {
             **self._rebuild,
-            "get_varyings": self.varyings.get_row,
-            "fragment": self.pipeline.fragment.shader,
+            **(triangle_slots(self.spread) if self.triangles else rectangle_slots(self.spread)),
+            "fragment": self.fragment.shader,
             "get_inputs": inputs.get if inputs else rebuilder_of_nothing(),
             "put_outputs": self.outputs.put,
             "TESTS": self.tests,
+            "BACK_TESTS": self.back_tests or self.tests,
+            "TWO_SIDED": self.back_tests is not None and self.back_tests != self.tests,
+            "TRIANGLES": self.triangles,
             "IN_F": inputs.floats if inputs else 0,
             "IN_I": inputs.ints if inputs else 0,
             "OUT_F": self.outputs.floats,
             "OUT_I": self.outputs.ints,
+            "TARGET_F": writes.floats,
+            "TARGET_I": writes.ints,
+            "PLAIN": writes.plain,
+            "write_block": writes.write_block,
+            "write_fragment": writes.write_fragment,
         }
+
+    def _slots_of_emission(self, emission: GeometryState) -> dict[str, dict[str, Any]]:
+        """Of the geometry stage and of stream output."""
+        pipeline, vertex = self.pipeline, self._vertex_slots
+        shade = corner_shader(vertex["vertex_shader"], vertex["fetch"], SLOTS[pipeline.topology], self._indexed)
+        slots = {"amplify": {**self._rebuild, **amplify_slots(emission, pipeline.topology, shade)}}
+        if pipeline.stream_output is not None:
+            slots["capture"] = capture_slots(emission, pipeline.stream_output.record)
+        return slots
+
+    def _slots_of_front_end(self) -> dict[str, Any]:
+        """Of the front end that takes the draw's vertices, or what was emitted."""
+        pipeline = self.pipeline
+        if self.emission is not None:
+            varyings = Layout.of(self.emission.varyings)
+            fetch = emitted_fetcher(varyings)
+            if self.triangles:
+                return self._slots_of_triangles(fetch, emitted_vertex, triangle_slot, True)
+            return {**self._rebuild, **emitted_slots(varyings, fetch)}
+        if self.triangles:
+            fetch, slot = self._vertex_slots["fetch"], SLOTS[pipeline.topology]
+            return self._slots_of_triangles(fetch, pipeline.vertex.shader, slot, self._indexed)
+        return self._vertex_slots
+
+    @property
+    def amplify(self) -> Any:
+        """Vertex and geometry stage, everything emitted is kept."""
+        return specialise(amplify, self._emission_slots["amplify"])
+
+    @property
+    def capture(self) -> Any:
+        """Copies emitted primitives to a vertex buffer."""
+        return specialise(capture, self._emission_slots["capture"])
 
     @property
     def front_end(self) -> Any:
-        """Vertex stage, clipping, rectangles."""
-        return specialise(front_end, self._vertex_slots)
+        """Vertex stage (or what was emitted), clipping, rectangles or triangles in screen space."""
+        return specialise(triangle_front if self.triangles else front_end, self._front_slots)
 
     @property
     def vertex_tap(self) -> Any:
@@ -149,21 +257,23 @@ class Program:
 
     @property
     def count_fragments(self) -> Any:
-        """Fragments a bin; the same for all pipelines."""
-        return specialise(count_fragments, {})
+        """Fragments a bin."""
+        slots = self._fragment_slots
+        return specialise(count_fragments, {name: slots[name] for name in ("shape_of", "fragments_of")})
 
 
 @lru_cache(maxsize=1)
 def rebuilder_of_nothing() -> Any:
     """What a fragment shader without input attachments gets as inputs: the empty tuple."""
-    from refsim.pipeline.layout import device_function
-
     return device_function("def get(F, I, i):\n    return ()\n", "get", {})
 
 
 @lru_cache(maxsize=512)
-def program_of(pipeline: Pipeline, uniforms: Any, textures: Any, indexed: bool) -> Program:
-    """The program of `pipeline` for uniforms and textures of these shapes (`refsim.pipeline.layout.shape_of`)."""
-    return Program(pipeline, uniforms, textures, indexed)
+def program_of(
+    pipeline: Pipeline, uniforms: Any, textures: Any, indexed: bool, formats: tuple[TextureFormat, ...]
+) -> Program:
+    """The program of `pipeline` for uniforms and textures of these shapes (`refsim.pipeline.layout.shape_of`), and
+    colour targets of these formats."""
+    return Program(pipeline, uniforms, textures, indexed, formats)
 
 

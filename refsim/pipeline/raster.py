@@ -1,7 +1,8 @@
 """The rasteriser: primitives become rectangles of pixels, rectangles are sorted into bins of the screen.
 
-Points and quads cover whole rectangles, so a primitive's coverage is four integers (x0, y0, x1, y1), half open. A pixel
-is covered when its centre lies in [x0, x1) × [y0, y1) of the exact rectangle. A primitive of which any
+Points and quads cover whole rectangles, so a primitive's coverage is four integers (x0, y0, x1, y1), half open; of a
+triangle they bound it (`refsim.pipeline.triangle`). A pixel is covered when its centre lies in [x0, x1) × [y0, y1) of
+the rectangle, whose centre, size and corners are rounded to 1/256 pixel. A point or quad of which any
 vertex lies outside the clip volume −w ≤ x, y ≤ w, 0 ≤ z ≤ w, w > 0 is clipped as a whole: that is what OpenGL and
 Direct3D do with points, and full-screen quads never cross the volume. A quad's depth is its first vertex's.
 
@@ -13,15 +14,17 @@ from __future__ import annotations
 import numpy as np
 
 from refsim.jit import func
+from refsim.pipeline.viewport import snapped, to_depth, to_screen
 
 F0 = np.float32(0)
 F1 = np.float32(1)
 HALF = np.float32(0.5)
+GRID = np.float32(1 / 256)
 I = np.int32  # noqa: E741
 U = np.uintp
 
 # What becomes of a primitive
-DRAWN, CLIPPED, EMPTY, CROOKED = np.int32(0), np.int32(1), np.int32(2), np.int32(3)
+DRAWN, CLIPPED, EMPTY, CROOKED, CULLED = np.int32(0), np.int32(1), np.int32(2), np.int32(3), np.int32(4)
 
 
 @func
@@ -39,34 +42,30 @@ def first_pixel(edge, low, high):
 
 
 @func
-def rasterise_points(position, size, count, viewport, bounds, rect, depth, fate):
+def rasterise_points(position, size, count, view, bounds, rect, depth, fate):
     """Rectangles of `count` points. `fate`: drawn, clipped or empty (covers no pixel)."""
-    vx, vy, vw, vh, z0, z1 = viewport
     bx0, by0, bx1, by1 = bounds
     for j in range(count):
         i = U(j)
         x, y, z, w = position[0, i], position[1, i], position[2, i], position[3, i]
-        # Perspective divide and viewport transform; y turns over, because NDC points up and rows go down
         inside = inside_clip_volume(x, y, z, w)
         inverse = F1 / w
-        cx = vx + (x * inverse + F1) * HALF * vw
-        cy = vy + (F1 - y * inverse) * HALF * vh
-        half = size[i] * HALF
+        cx, cy = to_screen(x, y, inverse, view)
+        cx, cy, half = snapped(cx) * GRID, snapped(cy) * GRID, snapped(size[i]) * GRID * HALF
         ax, bx = first_pixel(cx - half, bx0, bx1), first_pixel(cx + half, bx0, bx1)
         ay, by = first_pixel(cy - half, by0, by1), first_pixel(cy + half, by0, by1)
         rect[0, i] = ax
         rect[1, i] = ay
         rect[2, i] = bx
         rect[3, i] = by
-        depth[i] = z0 + z * inverse * (z1 - z0)
+        depth[i] = to_depth(z, inverse, view)
         empty = (bx <= ax) | (by <= ay) | (not (half > F0))
         fate[i] = CLIPPED if not inside else (EMPTY if empty else DRAWN)
 
 
 @func
-def rasterise_quads(position, count, viewport, bounds, rect, depth, fate):
+def rasterise_quads(position, count, view, bounds, rect, depth, fate):
     """Rectangles of `count` quads of four vertices each. `fate` crooked: no axis-aligned rectangle."""
-    vx, vy, vw, vh, z0, z1 = viewport
     bx0, by0, bx1, by1 = bounds
     for j in range(count):
         inside = True
@@ -76,25 +75,23 @@ def rasterise_quads(position, count, viewport, bounds, rect, depth, fate):
             i = U(4 * j + k)
             x, y, z, w = position[0, i], position[1, i], position[2, i], position[3, i]
             inside &= inside_clip_volume(x, y, z, w)
-            inverse = F1 / w
-            cx = vx + (x * inverse + F1) * HALF * vw
-            cy = vy + (F1 - y * inverse) * HALF * vh
+            cx, cy = to_screen(x, y, F1 / w, view)
+            cx, cy = snapped(cx), snapped(cy)
             left, right, top, bottom = min(left, cx), max(right, cx), min(top, cy), max(bottom, cy)
         for k in range(4):
             i = U(4 * j + k)
-            inverse = F1 / position[3, i]
-            cx = vx + (position[0, i] * inverse + F1) * HALF * vw
-            cy = vy + (F1 - position[1, i] * inverse) * HALF * vh
+            cx, cy = to_screen(position[0, i], position[1, i], F1 / position[3, i], view)
+            cx, cy = snapped(cx), snapped(cy)
             at_corner = ((cx == left) | (cx == right)) & ((cy == top) | (cy == bottom))
             corners |= (1 << (I(cx == right) + 2 * I(cy == bottom))) if at_corner else 16
-        ax, bx = first_pixel(left, bx0, bx1), first_pixel(right, bx0, bx1)
-        ay, by = first_pixel(top, by0, by1), first_pixel(bottom, by0, by1)
+        ax, bx = first_pixel(left * GRID, bx0, bx1), first_pixel(right * GRID, bx0, bx1)
+        ay, by = first_pixel(top * GRID, by0, by1), first_pixel(bottom * GRID, by0, by1)
         i = U(j)
         rect[0, i] = ax
         rect[1, i] = ay
         rect[2, i] = bx
         rect[3, i] = by
-        depth[i] = z0 + position[2, U(4 * j)] / position[3, U(4 * j)] * (z1 - z0)
+        depth[i] = to_depth(position[2, U(4 * j)], F1 / position[3, U(4 * j)], view)
         # Four distinct corners, or a quad of no width or height; anything else is no rectangle
         flat = (left == right) | (top == bottom)
         rectangle = (corners == 15) | (flat & (corners < 16))

@@ -7,10 +7,14 @@ a round are megabytes that the system would hand out and clear page by page at e
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from refsim.pipeline.program import Program
+from refsim.pipeline.triangle import CORNER_COLUMNS, PLANE_COLUMNS
+
+if TYPE_CHECKING:
+    from refsim.pipeline.program import Program
 
 ROUND_PRIMITIVES = 2**19
 SMALLEST_SLICE = 2**13
@@ -49,27 +53,47 @@ class Scratch:
 class Round:
     """Primitives [first, first + count) after the vertex stage: survivors in columns, and what became of the rest.
 
-    Threads fill slices of `size` primitives each, from row slice · size on. `fates` i64[slices, 5]: drawn, clipped,
-    empty, crooked, pixels covered.
+    Threads fill slices of `size` primitives each, from row slice · `rows` on. `fates` i64[slices, 8]: rows, clipped,
+    empty, crooked, pixels covered (of triangles: in bounding boxes), culled, primitives drawn, pieces of clipped ones.
     """
 
-    def __init__(self, program: Program, first: int, count: int, size: int, scratch: Scratch) -> None:
-        self.first, self.count, self.size = first, count, size
-        self.rect = scratch.array("rect", (count, 4), np.int32)
-        self.depth = scratch.array("depth", (count,), np.float32)
-        self.source = scratch.array("source", (count,), np.int64)
-        self.floats = scratch.array("floats", (count, program.varyings.floats), np.float32)
-        self.ints = scratch.array("ints", (count, program.varyings.ints), np.int32)
-        self.fates = np.zeros((-(-count // size), 5), np.int64)
+    def __init__(self, program: Program, first: int, count: int, size: int, rows: int, scratch: Scratch) -> None:
+        self.first, self.count, self.size, self.rows = first, count, size, rows
+        self._scratch = scratch
+        slices = -(-count // size)
+        total = slices * rows
+        edged = total if program.triangles else 0
+        self.rect = scratch.array("rect", (total, 4), np.int32)
+        self.depth = scratch.array("depth", (total,), np.float32)
+        self.source = scratch.array("source", (total,), np.int64)
+        self.floats = scratch.array("floats", (total, program.spread.floats), np.float32)
+        self.ints = scratch.array("ints", (total, program.spread.ints), np.int32)
+        self.corner = scratch.array("corner", (edged, CORNER_COLUMNS), np.int32)
+        self.plane = scratch.array("plane", (edged, PLANE_COLUMNS), np.float32)
+        self.fates = np.zeros((slices, 8), np.int64)
+
+    def with_rows(self, program: Program, rows: int) -> Round:
+        """The same primitives with more rows a slice, to be filled again."""
+        return Round(program, self.first, self.count, self.size, rows, self._scratch)
+
+    def slice_of(self, part: int) -> tuple[int, int]:
+        """The first primitive of a slice, and how many there are."""
+        return self.first + part * self.size, min(self.size, self.count - part * self.size)
 
     def columns(self, part: int) -> tuple[np.ndarray, ...]:
         """The columns of one slice, to be filled."""
-        rows = slice(part * self.size, min((part + 1) * self.size, self.count))
-        return (self.rect[rows], self.depth[rows], self.source[rows], self.floats[rows], self.ints[rows])
+        rows = slice(part * self.rows, (part + 1) * self.rows)
+        every = (self.rect, self.depth, self.source, self.floats, self.ints, self.corner, self.plane)
+        return tuple(column[rows] for column in every)
+
+    @property
+    def primitives(self) -> tuple[np.ndarray, ...]:
+        """The columns as the fragment stage takes them."""
+        return (self.rect, self.depth, self.floats, self.ints, self.corner, self.plane)
 
     def survivors(self) -> np.ndarray:
         """Rows of the survivors in submission order, int32."""
-        kept = [np.arange(k * self.size, k * self.size + n, dtype=np.int32) for k, n in enumerate(self.fates[:, 0])]
+        kept = [np.arange(k * self.rows, k * self.rows + n, dtype=np.int32) for k, n in enumerate(self.fates[:, 0])]
         return np.concatenate(kept)
 
 

@@ -21,14 +21,15 @@ U = np.uintp
 
 
 def front_end(
-    uniforms, textures, buffers, indices, n_vertices, first, count, viewport, bounds, rect, depth, source, VF, VI, fates
+    uniforms, textures, buffers, indices, table, per_instance, first, count, view, bounds, bias, columns, fates
 ):
-    """Runs primitives [first, first + count) of the draw; appends survivors to rect, depth, source, VF, VI.
+    """Runs points or quads [first, first + count) of the draw; appends survivors to the columns.
 
-    `rect` i32[c, 4], `depth` f32[c], `source` i64[c] (number of the primitive in the draw), `VF` f32[c, k], `VI`
-    i32[c, k]; `fates` i64[5] receives the numbers of primitives drawn, clipped, empty and not rectangular, and of
-    the pixels that are covered.
+    `columns` = (rect i32[c, 4], depth f32[c], source i64[c] (number of the primitive in the draw), VF f32[c, k], VI
+    i32[c, k], and two that only triangles have); `fates` i64[8] receives the numbers of primitives drawn, clipped,
+    empty and not rectangular, of the pixels that are covered, 0, and drawn again.
     """
+    rect, depth, source, VF, VI, _, _ = columns
     u = rebuild_uniforms(uniforms)
     t = rebuild_textures(textures)
     position = np.empty((4, BLOCK * CORNERS), np.float32)
@@ -36,7 +37,6 @@ def front_end(
     block_rect = np.empty((4, BLOCK), np.int32)
     block_depth = np.empty(BLOCK, np.float32)
     fate = np.empty(BLOCK, np.int32)
-    per_instance = n_vertices // CORNERS
     kept = 0
     clipped, empty, crooked, area = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     done = 0
@@ -58,9 +58,9 @@ def front_end(
             position[3, U(j)] = p[3]
             size[U(j)] = s
         if CORNERS == 1:
-            rasterise_points(position, size, run, viewport, bounds, block_rect, block_depth, fate)
+            rasterise_points(position, size, run, view, bounds, block_rect, block_depth, fate)
         else:
-            rasterise_quads(position, run, viewport, bounds, block_rect, block_depth, fate)
+            rasterise_quads(position, run, view, bounds, block_rect, block_depth, fate)
         # Survivors get their varyings
         for j in range(run):
             i = U(j)
@@ -81,7 +81,7 @@ def front_end(
                 source[U(kept)] = primitive + j
                 kept += 1
         done += run
-    fates[0], fates[1], fates[2], fates[3], fates[4] = kept, clipped, empty, crooked, area
+    fates[0], fates[1], fates[2], fates[3], fates[4], fates[6] = kept, clipped, empty, crooked, area, kept
 
 
 def positions(uniforms, textures, buffers, indices, n_vertices, first, count, position, size, VF, VI):
@@ -99,6 +99,17 @@ def positions(uniforms, textures, buffers, indices, n_vertices, first, count, po
             position[U(k), U(j)] = p[k]
         size[U(j)] = s
         put_varyings(VF, VI, U(j), varyings)
+
+
+def corner_shader(vertex_shader, fetch, slot, indexed: bool):
+    """Device function ``shade(u, t, buffers, indices, table, start, instance, corner)``: the vertex shader's result for
+    a corner of primitive `start` of an instance."""
+    names = {"vertex_shader": vertex_shader, "fetch": fetch, "slot": slot, "I": I, "U": U}
+    lines = ["def shade(u, t, buffers, indices, table, start, instance, corner):"]
+    lines += ["    vertex = U(slot(table, start, corner))"]
+    lines += ["    vertex = U(indices[vertex])"] if indexed else []
+    lines += ["    return vertex_shader(u, t, fetch(buffers, vertex, U(instance)), I(vertex), I(instance))", ""]
+    return device_function("\n".join(lines), "shade", names)
 
 
 def attribute_fetcher(buffers: tuple[VertexBufferLayout, ...]):

@@ -146,6 +146,7 @@ def count_quads(counters: Counters, quads: int) -> None:
     """A draw of full-screen quads: four vertices each, none clipped or empty."""
     counters.add("draw.calls", 1)
     counters.add("vertex.invocations", 4 * quads)
+    counters.add("assembly.primitives", quads)
     counters.add("raster.primitives", quads)
     counters.add("raster.clipped", 0)
     counters.add("raster.empty", 0)
@@ -162,6 +163,7 @@ def count_sprites(counters: Counters, pairs: int, kept: int) -> None:
     """A draw of one point a tile and triangle; a tile covers at least one pixel of the image, so none is empty."""
     counters.add("draw.calls", 1)
     counters.add("vertex.invocations", pairs)
+    counters.add("assembly.primitives", pairs)
     counters.add("raster.primitives", pairs)
     counters.add("raster.clipped", pairs - kept)
     counters.add("raster.empty", 0)

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from refsim.pipeline.depth import stored_depth
-from refsim.pipeline.fragment import STENCIL_IN_LOOP, StencilValues, Tests, resolve
+from refsim.pipeline.fragment import STENCIL_IN_LOOP, TestValues, Tests, resolve
 from refsim.pipeline.raster import first_pixel, rasterise_points
 from refsim.pipeline.state import StencilFaceState
 from refsim.pipeline.stencil import compare, stencil_operation
@@ -32,7 +32,7 @@ def comparisons(function, new, stored, out):
 def stored_depths(form, z, out):
     """`out` = depths as the format stores them."""
     for i in range(len(out)):
-        out[i] = stored_depth(form, z[i])
+        out[i] = stored_depth(form, z[i], F(0), F(1))
 
 
 @njit(error_model="numpy")
@@ -43,9 +43,9 @@ def first_pixels(edge, low, high, out):
 
 
 @njit(error_model="numpy")
-def points(position, size, viewport, bounds, rect, depth, fate):
+def points(position, size, view, bounds, rect, depth, fate):
     """Rectangles of points; see `refsim.pipeline.raster.rasterise_points`."""
-    rasterise_points(position, size, len(size), viewport, bounds, rect, depth, fate)
+    rasterise_points(position, size, len(size), view, bounds, rect, depth, fate)
 
 
 @njit(error_model="numpy")
@@ -61,7 +61,7 @@ def fragments(faces, values, depth_compare, depth_write, forced, covered, keep, 
     [n, 3] gets written, stencil passed, depth passed."""
     for i in range(len(z)):
         tests = tests_of(faces[i], depth_compare[i], depth_write[i], forced[i])
-        run_time = StencilValues(values[i, 1], values[i, 2], values[i, 3])
+        run_time = TestValues(values[i, 1], values[i, 2], values[i, 3], F(0), F(1))
         written, s_ok, d_ok, nd, ns = resolve(tests, run_time, covered[i], keep[i], z[i], depth[i], values[i, 0])
         new_depth[i], new_stencil[i] = nd, ns
         ok[i, 0], ok[i, 1], ok[i, 2] = written, s_ok, d_ok
@@ -90,7 +90,7 @@ def every_stencil_update(operation, holds, through, boundary, wrong):
                     op = op if stencil_passes else face[1]
                     new = operation[op, value, reference]
                     for write in boundary:
-                        run_time = StencilValues(reference, read, write)
+                        run_time = TestValues(reference, read, write, F(0), F(1))
                         written, _, _, nd, ns = resolve(tests, run_time, True, True, z, depth, value)
                         passes = bool(stencil_passes) & bool(depth_passes)
                         right = (ns == through[value, new, write]) & (written == passes)

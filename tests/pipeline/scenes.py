@@ -46,7 +46,7 @@ def random_scene(seed: int, *, count=40, width=37, height=21, largest=70.0, quad
     """A stream of points (or quads) over a target that already holds depths and stencil values.
 
     Centres off the grid and off the screen, sizes from 0.3 to `largest` and absurd ones, NaN, vertices outside the clip
-    volume. No edge comes nearer to a pixel centre than 1/1000: what is covered is not in doubt.
+    volume. No edge comes nearer to a pixel centre than 1/256: what is covered is not in doubt.
     """
     rng = np.random.default_rng(seed)
     z = rng.choice([0.0, 0.25, 0.5, 0.75, 1.0, -0.25, 1.25], count, p=[0.1, 0.25, 0.25, 0.2, 0.1, 0.05, 0.05])
@@ -75,7 +75,7 @@ def random_scene(seed: int, *, count=40, width=37, height=21, largest=70.0, quad
 
 def away_from_centres(*edges) -> np.ndarray:
     """Rows of which no edge is near a pixel centre."""
-    return np.all([np.abs((edge - 0.5) - np.rint(edge - 0.5)) > 1e-3 for edge in edges], axis=0)
+    return np.all([np.abs((edge - 0.5) - np.rint(edge - 0.5)) > 1 / 256 for edge in edges], axis=0)
 
 
 def _quad_columns(rng, x, y, z, w, size, width, height):

@@ -12,6 +12,7 @@ import numpy as np
 
 from refsim.pipeline.resources import Framebuffer
 from refsim.pipeline.state import EarlyTests, Pipeline, PrimitiveTopology, StencilOperation
+from tests.pipeline.one_blend import blends, write_colors
 from tests.pipeline.one_fragment import DEPTH_FAILS, PASSES, STENCIL_FAILS, one_fragment, stored_depth
 
 
@@ -25,6 +26,7 @@ class Fragment(NamedTuple):
     fate: str
     depth: float
     outputs: dict[str, Any]
+    stored: dict[str, tuple]  # what the colour targets hold after it
 
 
 def slow_draw(
@@ -36,6 +38,7 @@ def slow_draw(
     corners = 4 if pipe.topology == PrimitiveTopology.QUAD_LIST else 1
     for number in range(len(vertices) // corners):
         vertex = vertices[number * corners : (number + 1) * corners]
+        counts["assembly.primitives"] += 1
         counts["raster.primitives"] += 1
         pixels = covered(vertex, framebuffer, dynamic)
         if pixels is None:
@@ -53,8 +56,11 @@ def slow_draw(
             keep = keep or not pipe.fragment.discards
             fate = finish(pipe, framebuffer, dynamic, y, x, z, keep, outputs)
             counts["raster.fragments"] += 1
+            if fate == "written" and blends(pipe, framebuffer):
+                counts["blend.fragments"] += 1
             count_fate(counts, framebuffer, fate, y, x)
-            log.append(Fragment(number, int(y), int(x), fate, z, outputs))
+            stored = {name: tuple(framebuffer.color(name)[:, y, x]) for name in framebuffer.targets}
+            log.append(Fragment(number, int(y), int(x), fate, z, outputs, stored))
     return counts, log
 
 
@@ -97,8 +103,7 @@ def finish(pipe: Pipeline, framebuffer: Framebuffer, dynamic: Any, y, x, z, keep
         return "discarded"
     if outcome != PASSES:
         return "stencil" if outcome == STENCIL_FAILS else "depth"
-    for name, components in outputs.items():
-        framebuffer.color(name)[:, y, x] = components
+    write_colors(pipe, framebuffer, dynamic.blend_constant, y, x, outputs)
     return "written"
 
 

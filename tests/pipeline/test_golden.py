@@ -32,7 +32,7 @@ STEPS = [
 
 COUNTERS = {
     "draw.calls": 8,
-    "vertex.invocations": 200,
+    "vertex.invocations": 200, "assembly.primitives": 140,
     "raster.primitives": 140,
     "raster.clipped": 28,
     "raster.empty": 4,

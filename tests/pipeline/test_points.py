@@ -1,7 +1,8 @@
 """Point sprites: which pixels a square of any size covers, and which points are never drawn.
 
 Plan
-- A pixel is covered exactly when its centre lies in [cx − s/2, cx + s/2) × [cy − s/2, cy + s/2): sizes 1 to 64, all
+- A pixel is covered exactly when its centre lies in [cx − s/2, cx + s/2) × [cy − s/2, cy + s/2), centre and size on
+  the grid of 1/256 pixel: sizes 1 to 64, all
   centres on a grid of 1/8 pixel and off the screen, in exact arithmetic; random sizes and centres where no edge is in
   doubt. So neighbouring tiles share no pixel and leave none out.
 - Drawn, a point's fragments are those of the rule within the scissor, row by row.
@@ -20,6 +21,7 @@ from hypothesis import strategies as st
 from refsim.pipeline.raster import CLIPPED, DRAWN
 from refsim.pipeline.state import DynamicState, ScissorRect, Viewport
 from refsim.pipeline.taps import Taps
+from refsim.pipeline.viewport import screen_map
 from tests.pipeline import device_loops
 from tests.pipeline.pipelines import POOL
 from tests.pipeline.scenes import away_from_centres, full_screen, run, to_clip
@@ -39,9 +41,9 @@ def rasterised(position, size, width=SIDE, height=SIDE):
     """Rectangles and fates of clip positions f32[4, n]."""
     n = position.shape[1]
     rect, depth, fate = np.empty((4, n), np.int32), np.empty(n, F), np.empty(n, np.int32)
-    viewport = tuple(F(v) for v in (0, 0, width, height, 0, 1))
+    view = tuple(screen_map(0, 0, width, height, 0, 1))
     bounds = tuple(F(v) for v in (0, 0, width, height))
-    device_loops.points(position, np.asarray(size, F), viewport, bounds, rect, depth, fate)
+    device_loops.points(position, np.asarray(size, F), view, bounds, rect, depth, fate)
     return rect.T, fate
 
 

@@ -211,8 +211,8 @@ def test_feedback_loops_are_refused():
 
 
 def test_taps_refuse_unknown_stages_and_what_would_not_fit(monkeypatch):
-    with pytest.raises(InputError, match="no stage 'geometry'"):
-        Taps("geometry")
+    with pytest.raises(InputError, match="no stage 'tessellation'"):
+        Taps("tessellation")
     fragments = 3 * WIDTH * HEIGHT
     monkeypatch.setattr(taps_module, "MAX_TAPPED", fragments)
     counters = Counters()

@@ -15,6 +15,7 @@ from refsim.counters import Counters
 from refsim.errors import InputError
 from refsim.jit import func
 from refsim.pipeline.draw import draw
+from refsim.pipeline.enums import LEFT_OUT
 from refsim.pipeline.resources import Framebuffer
 from refsim.pipeline.state import DepthStencilState, StencilFaceState, TextureFormat
 from tests.pipeline.pipelines import POOL
@@ -33,7 +34,9 @@ def test_the_control_is_accepted_in_plain_spelling():
     ("field", "value"),
     [
         ("early_tests", "idael"),
-        ("topology", "triangle-list"),
+        ("topology", "triangle-fan"),
+        ("front_face", "left"),
+        ("cull_mode", 3),
         ("depth_stencil", DepthStencilState(depth_compare="less")),
         ("depth_stencil", DepthStencilState(format=7)),
         ("depth_stencil", DepthStencilState(stencil_front=StencilFaceState(compare=8))),
@@ -44,6 +47,13 @@ def test_a_value_that_means_nothing_is_named(field, value):
     with pytest.raises(InputError, match=r"must be one of .*\(") as refused:
         replace(PIPE, **{field: value})
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("topology", [value for value in LEFT_OUT])
+def test_what_is_left_out_says_so(topology):
+    reason = "lines are left out" if "adjacency" not in topology else "adjacency is left out"
+    with pytest.raises(InputError, match=f"topology is '{topology}'; {reason}"):
+        replace(PIPE, topology=topology)
 
 
 def test_formats_and_sizes_of_a_framebuffer():

@@ -16,12 +16,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from refsim.pipeline import draw as draw_module
+from refsim.pipeline import fragment_stage as fragment_stage_module
 from refsim.pipeline import rounds as rounds_module
 from refsim.pipeline.layout import shape_of
 from refsim.pipeline.program import program_of
 from refsim.pipeline.state import DynamicState, ScissorRect
 from refsim.pipeline.taps import Taps
-from tests.pipeline.pipelines import LARGE, POOL, Rules, as_quads
+from tests.pipeline.pipelines import LARGE, POOL, TARGETS, Rules, as_quads
 from tests.pipeline.scenes import assert_same, random_scene, run
 
 seeds = st.integers(0, 2**31)
@@ -55,7 +56,7 @@ def test_slices_and_batches_do_not_matter(name, seed, threads, tapped, quads):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rounds_module, "SMALLEST_SLICE", 8)
         patch.setattr(rounds_module, "ROUND_PRIMITIVES", 8)
-        patch.setattr(draw_module, "BIN_ITEMS", 64)
+        patch.setattr(fragment_stage_module, "BIN_ITEMS", 64)
         assert_same(expected, run(pipe, scene, taps=parts, loop="dense", threads=threads))
     if tapped:
         for column in ("primitive", "x", "y", "fate", "depth"):
@@ -64,10 +65,10 @@ def test_slices_and_batches_do_not_matter(name, seed, threads, tapped, quads):
 
 def test_small_slices_are_really_taken(monkeypatch):
     rounds = []
-    run_fragments = draw_module._run_fragments
+    run_fragments = draw_module.run_fragments
     monkeypatch.setattr(rounds_module, "ROUND_PRIMITIVES", 8)
     monkeypatch.setattr(rounds_module, "SMALLEST_SLICE", 8)
-    monkeypatch.setattr(draw_module, "_run_fragments", lambda *a, **k: rounds.append(1) or run_fragments(*a, **k))
+    monkeypatch.setattr(draw_module, "run_fragments", lambda *a, **k: rounds.append(1) or run_fragments(*a, **k))
     scene = random_scene(3, count=100)
     run(POOL["nearest"], scene)
     assert len(rounds) == -(-len(scene.columns["size"]) // 8)
@@ -97,13 +98,14 @@ def test_ten_million_fragments_give_the_same_bits_with_two_threads():
 def test_a_pipeline_is_compiled_once():
     scene, pipe = random_scene(1), POOL["marked"]
     run(pipe, scene, loop="dense")
-    program = program_of(pipe, shape_of(scene.rules), shape_of(scene.images), False)
+    shapes = shape_of(scene.rules), shape_of(scene.images), False, tuple(TARGETS.values())
+    program = program_of(pipe, *shapes)
     kernels = program.front_end, program.dense, program.bin_primitives
     before = [len(kernel.signatures) for kernel in kernels]
     for reference, read, scissor, modulus in ((1, 255, None, 3), (0, 7, ScissorRect(1, 2, 3, 4), LARGE)):
         dynamic = DynamicState(None, scissor, reference, read, 128)
         again = scene._replace(dynamic=dynamic, rules=Rules(modulus, 0.5))
         run(replace(pipe), again, loop="dense", threads=2, instances=2)
-    equal = program_of(replace(pipe), shape_of(scene.rules), shape_of(scene.images), False)
+    equal = program_of(replace(pipe), *shapes)
     assert (equal.front_end, equal.dense, equal.bin_primitives) == kernels
     assert [len(kernel.signatures) for kernel in kernels] == before

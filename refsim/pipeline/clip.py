@@ -1,0 +1,72 @@
+"""Clipping of a triangle in homogeneous clip space, before the perspective divide.
+
+The planes are near (z ≥ 0), far (z ≤ w), w > 0 and, far beyond the viewport, the guard band; what lies between the
+clip volume's sides and the guard band is left to the rasteriser, which bounds it by the viewport. A corner that
+clipping makes is always computed from the inside end of its edge, in float64: triangles that share an edge cut it at
+the same point, to the bit. Every corner carries its weights in the triangle's own corners, so that varyings are
+interpolated as if nothing had been clipped.
+Source: Sutherland and Hodgman 1974; Blinn and Newell 1978 (homogeneous clipping); OpenGL 4.6 section 13.7.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from refsim.jit import func
+from refsim.pipeline.viewport import LEAST_W
+
+D = np.float64
+U = np.uintp
+D0 = np.float64(0)
+D1 = np.float64(1)
+PLANES = 7
+MOST_CORNERS = 3 + PLANES
+CORNER = 7  # x, y, z, w and the three weights
+
+
+@func
+def distance(k, x, y, z, w, guard_x, guard_y):
+    """How far inside plane k a corner lies (any positive unit)."""
+    result = z
+    result = w - z if k == 1 else result
+    result = w - D(LEAST_W) if k == 2 else result
+    result = guard_x * w - x if k == 3 else result
+    result = guard_x * w + x if k == 4 else result
+    result = guard_y * w - y if k == 5 else result
+    result = guard_y * w + y if k == 6 else result
+    return result
+
+
+@func
+def clip_polygon(polygon, spare, guard_x, guard_y):
+    """Clips the triangle in polygon[:3]; f64[MOST_CORNERS, CORNER] both. Returns how many corners are left.
+
+    The result stands in `polygon`, in the triangle's order.
+    """
+    count = 3
+    for k in range(PLANES):
+        left = 0
+        for j in range(count):
+            a, b = U(j), U(j + 1 if j + 1 < count else 0)
+            da = distance(k, polygon[a, 0], polygon[a, 1], polygon[a, 2], polygon[a, 3], guard_x, guard_y)
+            db = distance(k, polygon[b, 0], polygon[b, 1], polygon[b, 2], polygon[b, 3], guard_x, guard_y)
+            if da >= D0:
+                for c in range(CORNER):
+                    spare[U(left), U(c)] = polygon[a, U(c)]
+                left += 1
+            if (da >= D0) != (db >= D0):
+                # From the inside end outwards, so that a neighbour finds the same point
+                inside, outside = (a, b) if da >= D0 else (b, a)
+                di, do = (da, db) if da >= D0 else (db, da)
+                t = di / (di - do)
+                for c in range(CORNER):
+                    start = polygon[inside, U(c)]
+                    spare[U(left), U(c)] = start + t * (polygon[outside, U(c)] - start)
+                if k >= 2:  # inside the plane of w by now, but for rounding
+                    spare[U(left), 3] = max(spare[U(left), 3], D(LEAST_W))
+                left += 1
+        count = left
+        for j in range(count):
+            for c in range(CORNER):
+                polygon[U(j), U(c)] = spare[U(j), U(c)]
+    return count
