@@ -2,8 +2,8 @@
 
 The planes are near (z ≥ 0), far (z ≤ w), w > 0 and, far beyond the viewport, the guard band; what lies between the
 clip volume's sides and the guard band is left to the rasteriser, which bounds it by the viewport. A corner that
-clipping makes is always computed from the inside end of its edge, in float64: triangles that share an edge cut it at
-the same point, to the bit. Every corner carries its weights in the triangle's own corners, so that varyings are
+clipping makes is the same from either end of its edge, in float64: triangles that share an edge cut it at the same
+point, to the bit. Every corner carries its weights in the triangle's own corners, so that varyings are
 interpolated as if nothing had been clipped.
 Source: Sutherland and Hodgman 1974; Blinn and Newell 1978 (homogeneous clipping); OpenGL 4.6 section 13.7.
 """
@@ -55,13 +55,11 @@ def clip_polygon(polygon, spare, guard_x, guard_y):
                     spare[U(left), U(c)] = polygon[a, U(c)]
                 left += 1
             if (da >= D0) != (db >= D0):
-                # From the inside end outwards, so that a neighbour finds the same point
-                inside, outside = (a, b) if da >= D0 else (b, a)
-                di, do = (da, db) if da >= D0 else (db, da)
-                t = di / (di - do)
+                # Weighted, not stepped from one end: right to rounding however unequal the ends, and the same for a
+                # neighbour, who comes from the other end
+                here, there = db / (db - da), da / (da - db)
                 for c in range(CORNER):
-                    start = polygon[inside, U(c)]
-                    spare[U(left), U(c)] = start + t * (polygon[outside, U(c)] - start)
+                    spare[U(left), U(c)] = here * polygon[a, U(c)] + there * polygon[b, U(c)]
                 if k >= 2:  # inside the plane of w by now, but for rounding
                     spare[U(left), 3] = max(spare[U(left), 3], D(LEAST_W))
                 left += 1

@@ -20,6 +20,7 @@ from refsim.pipeline.enums import (
     StencilOperation,
     member,
 )
+from refsim.pipeline.interpolation import interpolation_of
 from refsim.pipeline.state import BlendComponent, BlendState, ColorTargetState
 
 if TYPE_CHECKING:
@@ -40,6 +41,8 @@ def check_pipeline(pipeline: Pipeline) -> None:
     _check_color_targets(pipeline)
     _check_geometry(pipeline)
     _check_rasterizer(pipeline)
+    if pipeline.rasterized.is_triangles:
+        interpolation_of(pipeline.last_varyings)
 
 
 def _check_shaders(pipeline: Pipeline) -> None:

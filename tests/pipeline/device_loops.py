@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from refsim.pipeline.depth import stored_depth
-from refsim.pipeline.fragment import STENCIL_IN_LOOP, TestValues, Tests, resolve
+from refsim.pipeline.fragment import STENCIL_IN_LOOP, Tests, TestValues, resolve
 from refsim.pipeline.raster import first_pixel, rasterise_points
 from refsim.pipeline.state import StencilFaceState
 from refsim.pipeline.stencil import compare, stencil_operation
