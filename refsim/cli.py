@@ -1,6 +1,6 @@
 """The command line: parses and prints, nothing else.
 
-    refsim render METHOD SCENE      refsim scenes      refsim doctor      refsim reproduce PAPER
+    refsim render METHOD SCENE      refsim scenes      refsim doctor      refsim reproduce TOPIC
 
 Exit codes: 0 fine, 1 something is wrong (doctor), 2 cannot (bad input), 130 interrupted. A refusal is one line on
 stderr that names the culprit. Whatever a command needs is imported inside it, so that help and refusals are instant.
@@ -187,7 +187,7 @@ def doctor(ctx: click.Context, as_json: bool) -> None:
 
 
 @commands.command()
-@click.argument("paper", type=click.Choice(["hre"]), default="hre", metavar="PAPER")
+@click.argument("topic", type=click.Choice(["hre", "pipeline"]), default="hre", metavar="TOPIC")
 @click.option("--quick", is_flag=True, help="Smaller sizes, in two minutes at most.")
 @click.option("--only", metavar="ID", help="One figure or table.")
 @click.option(
@@ -196,17 +196,18 @@ def doctor(ctx: click.Context, as_json: bool) -> None:
     metavar="DIR",
     help="Where pictures and the CSV behind each go; figures, or figures-quick with --quick, if not given.",
 )
-def reproduce(paper: str, quick: bool, only: str | None, out: Path | None) -> None:
-    """Make a paper's figures again.
+def reproduce(topic: str, quick: bool, only: str | None, out: Path | None) -> None:
+    """Make figures and tables again.
 
-    PAPER is hre, the Hierarchical Ray Engine. Each figure or table is a picture and the CSV behind it.
+    TOPIC is hre, the paper on the Hierarchical Ray Engine, or pipeline, what a draw does stage by stage. Each figure or
+    table is a picture and the CSV behind it.
     """
     from refsim import experiments
     from refsim.progress import progress
 
     # The committed figures are full ones: quick ones never take their place unasked
     folder = out or Path("figures-quick" if quick else "figures")
-    for path in experiments.reproduce(paper, quick=quick, only=only, out=folder, progress=progress):
+    for path in experiments.reproduce(topic, quick=quick, only=only, out=folder, progress=progress):
         click.echo(path)
 
 

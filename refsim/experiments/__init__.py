@@ -1,6 +1,7 @@
-"""The papers' figures and tables, made again: one file each, `measure(...)` -> rows and `plot(rows)` -> picture.
+"""Figures and tables, the papers' and the pipeline's own: one file each, `measure(...)` -> rows and `plot(rows)` ->
+picture.
 
-    refsim reproduce hre [--quick] [--only ID] [--out DIR]
+    refsim reproduce hre|pipeline [--quick] [--only ID] [--out DIR]
 
     cases ─▶ measure ─▶ rows ─▶ tables ─▶ CSV
                           └───▶ plot ───▶ PNG

@@ -9,7 +9,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from refsim.errors import InputError
-from refsim.experiments import claims, cover, errata, figure_4, figure_5, figure_6, figure_7, style, tile_size
+from refsim.experiments import (
+    claims,
+    cover,
+    draw_stages,
+    errata,
+    figure_4,
+    figure_5,
+    figure_6,
+    figure_7,
+    style,
+    tile_size,
+)
 from refsim.experiments.files import (
     Journal,
     csv_text,
@@ -25,12 +36,15 @@ from refsim.experiments.registry import Experiment, Rows
 if TYPE_CHECKING:
     from refsim.progress import Advance, Progress
 
-PAPERS: dict[str, tuple[Experiment, ...]] = {
+# A topic is a paper, or the pipeline that runs the papers
+TOPICS: dict[str, tuple[Experiment, ...]] = {
     "hre": tuple(
         module.EXPERIMENT for module in (cover, figure_4, figure_5, figure_6, figure_7, tile_size, errata, claims)
     ),
+    "pipeline": (draw_stages.EXPERIMENT,),
 }
-TITLES = {"hre": "The Hierarchical Ray Engine (Szécsi, WSCG 2006)"}
+TITLES = {"hre": "The Hierarchical Ray Engine (Szécsi, WSCG 2006)", "pipeline": "The pipeline"}
+INDICES = {"hre": "index.md", "pipeline": "index-pipeline.md"}
 
 
 @contextmanager
@@ -39,32 +53,32 @@ def _silent(total: float | None, description: str) -> Iterator[Advance]:
     yield lambda steps=1: None
 
 
-def experiments_of(paper: str) -> dict[str, Experiment]:
-    """The paper's experiments by id, in order; `InputError` for a paper that is not known."""
-    if paper not in PAPERS:
-        raise InputError(f"there is no paper {paper!r}; choose from {', '.join(PAPERS)}.")
-    return {experiment.id: experiment for experiment in PAPERS[paper]}
+def experiments_of(topic: str) -> dict[str, Experiment]:
+    """The topic's experiments by id, in order; `InputError` for a topic that is not known."""
+    if topic not in TOPICS:
+        raise InputError(f"there is no topic {topic!r}; choose from {', '.join(TOPICS)}.")
+    return {experiment.id: experiment for experiment in TOPICS[topic]}
 
 
 def reproduce(
-    paper: str,
+    topic: str,
     *,
     quick: bool = False,
     only: str | None = None,
     out: Path = Path("figures"),
     progress: Progress | None = None,
 ) -> Iterator[Path]:
-    """Make the paper's figures and tables in the folder `out`; yields each file as soon as it is written.
+    """Make the topic's figures and tables in the folder `out`; yields each file as soon as it is written.
 
-    `quick` takes smaller sizes, `only` one experiment. Raises `InputError` at once for a paper or experiment that does
+    `quick` takes smaller sizes, `only` one experiment. Raises `InputError` at once for a topic or experiment that does
     not exist, and for a folder that cannot be written.
     """
-    known = experiments_of(paper)
+    known = experiments_of(topic)
     if only is not None and only not in known:
-        raise InputError(f"there is no figure or table {only!r} of {paper!r}; choose from {', '.join(known)}.")
+        raise InputError(f"there is no figure or table {only!r} of {topic!r}; choose from {', '.join(known)}.")
     wanted = list(known.values()) if only is None else [known[only]]
     make_folder(out)
-    return _files(known, wanted, quick, out, progress or _silent, paper if only is None else None)
+    return _files(known, wanted, quick, out, progress or _silent, topic if only is None else None)
 
 
 def _files(
@@ -121,16 +135,16 @@ def draw_figure(experiment: Experiment, rows: Rows, out: Path) -> Path:
         return write_figure(path, experiment.plot(rows), key, experiment.dpi)
 
 
-def write_index(paper: str, wanted: list[Experiment], out: Path) -> Path:
-    """`index.md`: what there is, and how to read it."""
-    lines = [f"# {TITLES[paper]}: figures and tables", "", f"Made by `refsim reproduce {paper}`.", ""]
+def write_index(topic: str, wanted: list[Experiment], out: Path) -> Path:
+    """The topic's index: what there is, and how to read it."""
+    lines = [f"# {TITLES[topic]}: figures and tables", "", f"Made by `refsim reproduce {topic}`.", ""]
     for experiment in wanted:
         lines += [f"## {experiment.title}", ""]
         if experiment.plot is not None:
             lines += [f"![{experiment.title}]({experiment.id}.png)", ""]
         tables = sorted(path.name for path in out.glob(f"{experiment.id}*.csv"))
         files = ", ".join(f"[{name}]({name})" for name in tables)
-        alone = f"`refsim reproduce {paper} --only {experiment.id}`"
+        alone = f"`refsim reproduce {topic} --only {experiment.id}`"
         lines += [experiment.caption, "", f"Data: {files}. Alone: {alone}.", ""]
     text = "\n".join(lines)
-    return replace_file(out / "index.md", lambda part: part.write_text(text, encoding="utf-8"))
+    return replace_file(out / INDICES[topic], lambda part: part.write_text(text, encoding="utf-8"))

@@ -2,7 +2,7 @@
 
 - Package, CITATION.cff and CHANGELOG.md carry the same version; CITATION.cff names the three papers.
 - `.ci/run` takes its two commands from the README, which sets up from nothing but Python each time.
-- The README's Python example runs; its commands, methods and counters exist; its links lead to files.
+- The README's Python examples run; its commands, methods and counters exist; its links lead to files.
 """
 
 from __future__ import annotations
@@ -63,7 +63,11 @@ def test_continuous_integration_runs_the_readme() -> None:
 
 @pytest.mark.parametrize(
     ("place", "first", "last"),
-    [(0, r"0 4096 rays, ", r"\(64, 64, 3\) float32"), (1, r"\d+ points, [1-9]\d+ fragments", r".*first: \d+")],
+    [
+        (0, r"0 4096 rays, ", r"\(64, 64, 3\) float32"),
+        (1, r"\d+ points, [1-9]\d+ fragments", r".*first: \d+"),
+        (2, r"62 points emitted, 12 without room$", r"\(\[-0\.96875, .*1\.0? *\], 0\.03125\)"),
+    ],
 )
 def test_readme_examples_run(tmp_path: Path, place: int, first: str, last: str) -> None:
     script = tmp_path / "example.py"
