@@ -2,11 +2,12 @@
 
 ``examine()`` returns plain values that JSON can hold; ``rows()`` lays them out for reading. Only ``problems`` call for
 action: a run-time package that is not there, no directory that can keep compiled kernels, a REFSIM_SCENES that names
-no folder. A real mesh or a tool that is absent is a fact, not a problem.
+no folder. A real mesh, a tool or an OpenGL that is absent is a fact, not a problem.
 """
 
 from __future__ import annotations
 
+import importlib
 import importlib.metadata
 import os
 import platform
@@ -40,6 +41,7 @@ def examine() -> dict[str, Any]:
         "kernel_cache": cache,
         "scenes": found,
         "tools": {name: shutil.which(name) for name in TOOLS},
+        "opengl_witness": opengl_witness(),
         "problems": problems,
     }
 
@@ -115,6 +117,25 @@ def scenes() -> dict[str, Any]:
     }
 
 
+def opengl_witness() -> dict[str, Any]:
+    """The OpenGL that tests/opengl compares with: renderer and version, or the reason why there is none."""
+    found: dict[str, Any] = {"present": False, "renderer": None, "version": None, "reason": None}
+    try:
+        context = importlib.import_module("moderngl").create_standalone_context(backend="egl", require=450)
+    except ImportError:
+        return {**found, "reason": "the package moderngl is not installed"}
+    except Exception as error:  # what a driver says when it cannot start is of many types
+        return {**found, "reason": f"no OpenGL 4.5 through EGL: {error}"}
+    renderer, version = context.info["GL_RENDERER"], context.info["GL_VERSION"]
+    context.release()
+    return {**found, "present": True, "renderer": renderer, "version": version}
+
+
+def witness_row(found: Mapping[str, Any]) -> str:
+    """What :func:`opengl_witness` found, in words."""
+    return f"{found['renderer']}, {found['version']}" if found["present"] else f"absent ({found['reason']})"
+
+
 def rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What :func:`examine` found, as names and values for reading."""
     cpu, cache, found = report["processor"], report["kernel_cache"], report["scenes"]
@@ -126,6 +147,7 @@ def rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("kernel cache", f"{cache['directory']}" if cache["writable"] else "none that can be written"),
         *mesh_rows(found),
         *((name, f"{path or 'missing'} ({TOOLS[name]})") for name, path in report["tools"].items()),
+        ("OpenGL witness", witness_row(report["opengl_witness"])),
         *(("problem", sentence) for sentence in report["problems"]),
     ]
 

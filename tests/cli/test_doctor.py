@@ -1,14 +1,17 @@
 """Plan: `refsim doctor` and `refsim scenes` say what is there.
 
 - A sound machine gives 0; a missing run-time package, no place for kernels, no folder of meshes give 1 and a sentence.
+- The OpenGL witness is named with its version, or absent with a reason: no package, no driver. None is a problem.
 - Each real mesh is present or missing, and the known file or another, by what lies in REFSIM_SCENES; none is a problem.
 - Every scene of the library is listed with the triangles it really has, and so is every mesh in the folder.
 """
 
 from __future__ import annotations
 
+import importlib
 import importlib.metadata
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -62,6 +65,27 @@ def test_kernel_cache_follows_the_environment(here: Path, refsim_process, monkey
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(here / "kernels"))
     directory = json.loads(refsim_process("doctor", "--json").out)["kernel_cache"]["directory"]
     assert Path(directory).is_relative_to(here / "kernels")
+
+
+def test_opengl_witness_is_named_or_absent_with_a_reason(
+    tmp_path: Path, refsim_main, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+
+    def row(code: str) -> str:
+        (tmp_path / "moderngl.py").write_text(code)
+        monkeypatch.syspath_prepend(str(tmp_path))
+        monkeypatch.delitem(sys.modules, "moderngl", raising=False)
+        importlib.invalidate_caches()
+        answer = refsim_main("doctor")
+        assert answer.code == 0
+        return next(line for line in answer.out.splitlines() if "OpenGL witness" in line)
+
+    started = "class context:\n info = {'GL_RENDERER': 'some pipe', 'GL_VERSION': '4.6'}\n release = lambda: None\n"
+    refused = "def create_standalone_context(**_): raise ValueError('no display')\n"
+    assert "absent (the package moderngl is not installed)" in row("raise ImportError\n")
+    assert "absent (no OpenGL 4.5 through EGL: no display)" in row(refused)
+    assert row(started + "def create_standalone_context(**_): return context\n").endswith("some pipe, 4.6")
 
 
 def test_meshes_are_present_or_missing(here: Path, refsim_main, monkeypatch: pytest.MonkeyPatch) -> None:
