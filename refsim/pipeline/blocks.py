@@ -41,11 +41,11 @@ def list_lanes(tests, values, packet, stencil_plane, origin, size, fixed):
 
 
 @func
-def cover(tests, values, packet, rect, lanes, edged, locate, shape, x0, y0):
+def cover(tests, values, packet, rect, lanes, edged, inside, edges):
     """Marks the lanes that a primitive covers and the stencil mask leaves; returns how many it covers and how many are
     left.
 
-    `rect` bounds the primitive in the bin at pixel (x0, y0); with `edged` a lane must also lie inside `shape`.
+    `rect` bounds the primitive in the bin; with `edged` a lane must also lie `inside` its `edges` there.
     `packet.block_alive` gets the number in each block of lanes.
     """
     ax, ay, bx, by = rect
@@ -64,8 +64,7 @@ def cover(tests, values, packet, rect, lanes, edged, locate, shape, x0, y0):
             x, y = packet.x[i], packet.y[i]
             passes = (x >= ax) & (x < bx) & (y >= ay) & (y < by) & (I(i) < I(lanes))
             if edged:
-                inside, _, _ = locate(shape, I(x0 + x), I(y0 + y))
-                passes = passes & inside
+                passes = passes & inside(edges, x, y)
                 covered = I(covered + (ON if passes else OFF))
             if tests.stencil_mode == STENCIL_MASK:
                 passes = passes & stencil_passes(

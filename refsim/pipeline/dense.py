@@ -81,16 +81,16 @@ def dense_bins(
             if over == NONE_COVERED:
                 continue
             if over == SOME_COVERED or not (fresh and ax == rx0 and ay == ry0 and bx == rx1 and by == ry1):
-                add_pending(packet, pending, lanes)
-                pending = OFF
+                if pending != OFF:
+                    add_pending(packet, pending, lanes)
+                    pending = OFF
                 rx0, ry0, rx1, ry1 = ax, ay, bx, by
                 covered = np.int64(bx - ax) * np.int64(by - ay)
+                edges = edges_of(shape, x0, y0)
                 if over == SOME_COVERED:
-                    covered, masked = cover(
-                        TESTS, values, packet, (ax, ay, bx, by), lanes, True, locate, shape, x0, y0
-                    )
+                    covered, masked = cover(TESTS, values, packet, (ax, ay, bx, by), lanes, True, inside, edges)
                 else:
-                    _, masked = cover(TESTS, values, packet, (ax, ay, bx, by), lanes, False, locate, shape, x0, y0)
+                    _, masked = cover(TESTS, values, packet, (ax, ay, bx, by), lanes, False, inside, edges)
                 fresh = over != SOME_COVERED
             surface = surface_of(primitives, p)
             n1, n2, n3 = OFF, OFF, OFF
@@ -107,7 +107,7 @@ def dense_bins(
                         m1, m2, m3 = probe(
                             fragment, get_inputs, at, TESTS, values, u, t, shape, surface, x0, y0, first, packet
                         )
-                    if m3 == OFF:
+                    if m3 == OFF and (m2 == OFF or not count_lanes):
                         n1, n2 = I(n1 + m1), I(n2 + m2)
                         continue
                 if not changed:

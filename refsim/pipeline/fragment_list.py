@@ -89,11 +89,14 @@ def listed_bins(
                     x, y, opened = ax, ay, True
                 shape = shape_of(primitives, p)
                 while n < PACKET and y < by:
-                    inside, b1, b2 = locate(shape, x, y)
-                    xs[U(n)], ys[U(n)], owner[U(n)] = x, y, I(p)
-                    W1[U(n)], W2[U(n)] = b1, b2
-                    n += 1 if inside else 0
-                    x = I(x + 1)
+                    walk = start_walk(shape, x, y)
+                    while n < PACKET and x < bx:
+                        inside, b1, b2 = here(shape, walk)
+                        xs[U(n)], ys[U(n)], owner[U(n)] = x, y, I(p)
+                        W1[U(n)], W2[U(n)] = b1, b2
+                        n += 1 if inside else 0
+                        walk = step_walk(shape, walk)
+                        x = I(x + 1)
                     if x == bx:
                         x, y = ax, I(y + 1)
                 if y == by:

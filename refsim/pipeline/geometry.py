@@ -47,7 +47,7 @@ def amplify(
         run = min(per_instance - start, count - done)
         for j in range(run):
             vertices = assemble(u, t, buffers, indices, table, start + j, instance)
-            entries = geometry_shader(u, t, vertices, I(primitive + j))
+            entries = geometry_shader(u, t, vertices, I(start + j))
             rows, made = append(entries, (done + j) * MOST, rows, made, position, size, VF, VI, origin, corners)
         done += run
     totals[0], totals[1] = rows, made

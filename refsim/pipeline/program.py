@@ -70,7 +70,7 @@ def fragment_tests(fragment: FragmentState, state: DepthStencilState, policy: Ea
     tests_first = forced or early_depth
     failing_changes = (stencil_tests and face.fail_op != keeps) or (depth_tests and face.depth_fail_op != keeps)
     may_reject = fragment.discards or depth_tests or (mode == STENCIL_IN_LOOP and stencil_tests)
-    early_in_loop = tests_first or (early_stencil and mode == STENCIL_IN_LOOP)
+    early_in_loop = early_stencil and mode == STENCIL_IN_LOOP and not tests_first
     return Tests(
         stencil=StencilFaceState(*(int(part) for part in face)),  # type: ignore[arg-type]
         stencil_mode=mode,

@@ -162,7 +162,7 @@ class GeometryState:
     ``shader(uniforms, textures, vertices, primitive_index)`` returns a tuple of `max_vertices` entries ``(emission,
     position vec4, point_size f32, varyings)``, taken in order. `emission` is `SKIP`, `EMIT` or `EMIT_AND_END` (of
     `refsim.pipeline.geometry`): nothing, a vertex, or a vertex that ends its strip. ``vertices`` has one ``(position,
-    point_size, varyings)`` per corner of the primitive; ``primitive_index`` counts within the draw. `output` is
+    point_size, varyings)`` per corner of the primitive; ``primitive_index`` counts within an instance. `output` is
     `POINT_LIST` or `TRIANGLE_STRIP`.
     """
 

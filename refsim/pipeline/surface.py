@@ -5,6 +5,8 @@ depth plane and interpolated varyings. Both loops are written once, against thes
 
     shape_of(primitives, p)         what decides on coverage     shape_over(shape, x0, y0, x1, y1)    none, some or all
     locate(shape, x, y)             (covered, b₁, b₂)            fragments_of(shape, x0, y0, x1, y1)  how many
+    edges_of(shape, x0, y0)         the edges in a bin           inside(edges, x, y)                  covered, in SIMD
+    start_walk(shape, x, y), step_walk(shape, walk), here(shape, walk)      `locate` along a row
     surface_of(primitives, p)       what its fragments see
     surface_at(surface, b₁, b₂)     (varyings, depth)            at(shape, surface, pixel)            both at once
 """
@@ -20,9 +22,14 @@ from refsim.pipeline.interpolation import Spread
 from refsim.pipeline.layout import Layout, device_function
 from refsim.pipeline.triangle import (
     depth_at,
+    inside_edges,
     locate_in_triangle,
+    locate_on_walk,
     plane_of,
     shape_of_triangle,
+    start_walk,
+    step_walk,
+    triangle_in_bin,
     triangle_over,
     weights_at,
 )
@@ -47,6 +54,36 @@ def all_over(shape, x0, y0, x1, y1):
 def anywhere(shape, x, y):
     """A rectangle covers all of its bounds, and everywhere it is the same."""
     return True, D0, D0
+
+
+@func
+def no_walk(shape, x, y):
+    """A rectangle is the same everywhere."""
+    return ()
+
+
+@func
+def no_step(shape, walk):
+    """So is a step of it."""
+    return walk
+
+
+@func
+def all_along(shape, walk):
+    """And all of it is covered."""
+    return True, D0, D0
+
+
+@func
+def no_edges(shape, x0, y0):
+    """A rectangle has none but its bounds."""
+    return ()
+
+
+@func
+def always_inside(edges, x, y):
+    """A rectangle covers all of its bounds."""
+    return True
 
 
 @func
@@ -98,7 +135,11 @@ def rectangle_slots(varyings: Layout) -> dict[str, Any]:
     """The functions for points and quads."""
     names = {"get": varyings.get_row}
     slots = {name: device_function(RECTANGLE, name, names) for name in ("surface_of", "surface_at")}
-    return _with_at({**slots, "shape_of": no_shape, "shape_over": all_over, "locate": anywhere, "fragments_of": all_of})
+    return _with_at({
+        **slots, "shape_of": no_shape, "shape_over": all_over, "locate": anywhere, "fragments_of": all_of,
+        "edges_of": no_edges, "inside": always_inside,
+        "start_walk": no_walk, "step_walk": no_step, "here": all_along,
+    })  # fmt: skip
 
 
 def triangle_slots(varyings: Spread) -> dict[str, Any]:
@@ -110,7 +151,8 @@ def triangle_slots(varyings: Spread) -> dict[str, Any]:
     slots = {name: device_function(TRIANGLE, name, names) for name in ("surface_of", "surface_at")}
     return _with_at({
         **slots, "shape_of": triangle_shape, "shape_over": triangle_over, "locate": locate_in_triangle,
-        "fragments_of": triangle_fragments,
+        "fragments_of": triangle_fragments, "edges_of": triangle_in_bin, "inside": inside_edges,
+        "start_walk": start_walk, "step_walk": step_walk, "here": locate_on_walk,
     })  # fmt: skip
 
 

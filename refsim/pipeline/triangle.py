@@ -24,6 +24,7 @@ D0 = np.float64(0)
 D1 = np.float64(1)
 HALF = np.float64(128)  # a pixel's centre, in 1/256 pixel
 PIXEL = np.float64(256)
+FAR = np.float64(2**30)
 
 # Columns of a triangle: corners (in 1/256 pixel, turned so that the area is positive) and whether it faces the front;
 # depths of the corners, their 1/w, depth bias
@@ -69,12 +70,57 @@ def edge_at(e, x, y):
 
 
 @func
+def start_walk(shape, px, py):
+    """The three edge functions at pixel (x, y), to be carried along its row."""
+    x, y = D(px), D(py)
+    return edge_at(shape[0], x, y), edge_at(shape[1], x, y), edge_at(shape[2], x, y)
+
+
+@func
+def step_walk(shape, walk):
+    """One pixel to the right; exact, as everything here is a whole number."""
+    return walk[0] + shape[0][0], walk[1] + shape[1][0], walk[2] + shape[2][0]
+
+
+@func
+def locate_on_walk(shape, walk):
+    """`locate_in_triangle` where the walk stands."""
+    covered = (walk[0] >= shape[0][3]) & (walk[1] >= shape[1][3]) & (walk[2] >= shape[2][3])
+    return covered, walk[1] * shape[3], walk[2] * shape[3]
+
+
+@func
 def locate_in_triangle(shape, px, py):
     """(whether the pixel is covered, b₁, b₂) in float64."""
-    x, y = D(px), D(py)
-    e0, e1, e2 = edge_at(shape[0], x, y), edge_at(shape[1], x, y), edge_at(shape[2], x, y)
-    covered = (e0 >= shape[0][3]) & (e1 >= shape[1][3]) & (e2 >= shape[2][3])
-    return covered, e1 * shape[3], e2 * shape[3]
+    return locate_on_walk(shape, start_walk(shape, px, py))
+
+
+@func
+def edge_in_bin(e, x0, y0):
+    """An edge for the pixels of a bin at (x0, y0), which is at most 32 pixels wide: int32 (a, b, c). A pixel is on the
+    covered side if a·x + b·y + c ≥ 0, x and y counted in the bin.
+
+    A and B are multiples of 256, so only the constant is rounded, downwards, and that changes no sign. Where the edge
+    is far away the constant is cut at ±2³⁰; a·x + b·y stays below that.
+    """
+    a, b = e[0] / PIXEL, e[1] / PIXEL
+    c = np.floor((e[2] - e[3]) / PIXEL) + a * D(x0) + b * D(y0)
+    return I(a), I(b), I(min(max(c, -FAR - D1), FAR))
+
+
+@func
+def triangle_in_bin(shape, x0, y0):
+    """All three edges for the pixels of a bin."""
+    return edge_in_bin(shape[0], x0, y0), edge_in_bin(shape[1], x0, y0), edge_in_bin(shape[2], x0, y0)
+
+
+@func
+def inside_edges(edges, x, y):
+    """Whether pixel (x, y) of the bin is covered: none of three int32 is negative."""
+    e0 = I(I(edges[0][0] * x) + I(edges[0][1] * y)) + edges[0][2]
+    e1 = I(I(edges[1][0] * x) + I(edges[1][1] * y)) + edges[1][2]
+    e2 = I(I(edges[2][0] * x) + I(edges[2][1] * y)) + edges[2][2]
+    return I(I(e0) | I(e1) | I(e2)) >= I(0)
 
 
 @func

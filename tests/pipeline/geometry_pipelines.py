@@ -171,11 +171,12 @@ def target() -> Framebuffer:
 def expected_records(buffer, primitives, codes, pipe):
     """Records of all output primitives, one list of rows a primitive; (invocation, entry) of every vertex; primitives.
 
-    `primitives` are the input primitives as (instance, vertex) a corner.
+    `primitives` are the input primitives as (instance, vertex) a corner; the shader counts them within an instance.
     """
-    pattern = [codes[p % len(codes)] for p in range(len(primitives))]
-    vertices, out = emitted(pattern, pipe.rasterized.is_triangles)
-    rows = [record_of(buffer, primitives[p], p, k) for p, k in vertices]
+    first = sum(corners[0][0] == 0 for corners in primitives)
+    index = [p % first for p in range(len(primitives))]
+    vertices, out = emitted([codes[i % len(codes)] for i in index], pipe.rasterized.is_triangles)
+    rows = [record_of(buffer, primitives[p], index[p], k) for p, k in vertices]
     return [[rows[i] for i in one] for one in out], vertices, out
 
 

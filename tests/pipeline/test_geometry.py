@@ -161,9 +161,11 @@ def test_the_tap_leads_back_from_every_vertex(name, seed):
     np.testing.assert_array_equal(tap.position, moved)
     np.testing.assert_array_equal(tap.point_size, vertex.point_size[parent] + k % 3)
     np.testing.assert_array_equal(tap.varyings["number"], vertex.varyings["number"][parent] * MOST + k)
-    np.testing.assert_array_equal(tap.varyings["place"], np.stack([tap.invocation, k], axis=1))
+    # The shader counts primitives within an instance, the tap counts runs within the draw
+    each = max(counters["geometry.invocations"] // 2, 1)
+    np.testing.assert_array_equal(tap.varyings["place"], np.stack([tap.invocation % each, k], axis=1))
     # Every invocation's entries are those that its codes emit, and they come in order
-    emits = table[np.arange(counters["geometry.invocations"]) % 7] > 0
+    emits = table[np.arange(counters["geometry.invocations"]) % each % 7] > 0
     np.testing.assert_array_equal(np.stack([tap.invocation, k], axis=1), np.argwhere(emits))
     numbers = tap.varyings["number"][tap.primitives].ravel()
     np.testing.assert_array_equal(numbers, tapped.records()["number"])
