@@ -26,8 +26,9 @@ def encode_srgb(rgb: NDArray[np.floating]) -> NDArray[np.uint8]:
     return np.floor(255.0 * curve + 0.5).astype(np.uint8)
 
 
-def check_destination(path: Path) -> None:
+def check_destination(path: str | Path) -> None:
     """Refuse a ``path`` that :func:`write_png` could not write, before any work is done for it; leaves no file."""
+    path = Path(path)
     if path.suffix.lower() != ".png":
         raise InputError(f"cannot write the image {str(path)!r}: the name must end in .png")
     if path.is_dir():
@@ -36,11 +37,11 @@ def check_destination(path: Path) -> None:
         pass
 
 
-def write_png(path: Path, rgb: NDArray[np.floating]) -> None:
+def write_png(path: str | Path, rgb: NDArray[np.floating]) -> None:
     """Write linear colour ``[height, width, 3]`` (row 0 is the top) as a PNG; an older file survives any failure."""
     from PIL import Image
 
-    picture = Image.fromarray(encode_srgb(rgb))
+    path, picture = Path(path), Image.fromarray(encode_srgb(rgb))
     with _refusing(path):
         descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
         try:

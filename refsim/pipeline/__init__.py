@@ -13,6 +13,7 @@ import importlib
 from typing import Any
 
 _HOMES = {
+    "enums": ("FragmentFate", "PrimitiveFate"),
     "geometry": ("EMIT", "EMIT_AND_END", "SKIP"),
     "layout": ("f32", "i32", "ivec2", "ivec3", "ivec4", "vec2", "vec3", "vec4"),
     "resources": ("Framebuffer", "Texture", "VertexBuffer", "texel1", "texel3", "texel4"),
@@ -24,7 +25,7 @@ _HOMES = {
         "StencilFaceState", "StencilOperation", "StreamOutputState", "TextureFormat", "VertexBufferLayout",
         "VertexState", "VertexStepMode", "Viewport",
     ),
-    "taps": ("Taps",),
+    "taps": ("FragmentTap", "GeometryTap", "RasterTap", "StreamOutputTap", "Taps", "VertexTap"),
 }  # fmt: skip
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -35,3 +36,7 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME_OF:
         raise AttributeError(f"module 'refsim.pipeline' has no attribute {name!r}")
     return getattr(importlib.import_module(f"refsim.pipeline.{_HOME_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

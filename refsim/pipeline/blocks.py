@@ -126,8 +126,10 @@ def commit(fragment, get_inputs, put_outputs, at, tests, values, u, t, shape, su
         packet.write[i] = ON if written else OFF
         if tests.tests_first:
             packet.total[i] = I(packet.total[i] + (ON if left2 else OFF))
-        elif tests.early_stencil and tests.stencil_mode == STENCIL_IN_LOOP:
-            packet.total[i] = I(packet.total[i] + (ON if (covered & s_ok) else OFF))
+        elif tests.stencil_first:
+            packet.total[i] = I(packet.total[i] + (ON if left1 else OFF))
+        elif tests.counts_lanes:
+            packet.total[i] = I(packet.total[i] + (ON if covered else OFF))
         n1 = I(n1 + (ON if left1 else OFF))
         n2 = I(n2 + (ON if left2 else OFF))
         n3 = I(n3 + (ON if written else OFF))

@@ -25,6 +25,47 @@ CORNER = 7  # x, y, z, w and the three weights
 
 
 @func
+def turn(corners, a, b, c):
+    """Twice the signed area of three corners on the sub-pixel grid, int64."""
+    dx1, dy1 = np.int64(corners[b, 0]) - np.int64(corners[a, 0]), np.int64(corners[b, 1]) - np.int64(corners[a, 1])
+    dx2, dy2 = np.int64(corners[c, 0]) - np.int64(corners[a, 0]), np.int64(corners[c, 1]) - np.int64(corners[a, 1])
+    return dx1 * dy2 - dx2 * dy1
+
+
+@func
+def convex_ring(corners, count, ring):
+    """Numbers of the polygon's corners that make it convex on the sub-pixel grid, in `ring`; returns how many.
+
+    The polygon was convex before its corners were rounded; a needle may fold. Corners that turn the wrong way, or not
+    at all, are left out one after the other, so that the fan that is drawn faces one way and covers no pixel twice.
+    """
+    area = np.int64(0)
+    for k in range(count):
+        ring[k] = k
+        if k >= 2:
+            area += turn(corners, U(0), U(k - 1), U(k))
+    sign = np.int64(1) if area > 0 else np.int64(-1)
+    k = 0
+    while count > 2 and k < count:
+        before, after = ring[k - 1 if k > 0 else count - 1], ring[k + 1 if k + 1 < count else 0]
+        if turn(corners, U(before), U(ring[k]), U(after)) * sign > 0:
+            k += 1
+            continue
+        for j in range(k, count - 1):
+            ring[j] = ring[j + 1]
+        count -= 1
+        k = 0
+    return count if area != 0 else 0
+
+
+@func
+def whole_ring(ring):
+    """The ring of a triangle that was not clipped."""
+    ring[0], ring[1], ring[2] = 0, 1, 2
+    return 3
+
+
+@func
 def distance(k, x, y, z, w, guard_x, guard_y):
     """How far inside plane k a corner lies (any positive unit)."""
     result = z

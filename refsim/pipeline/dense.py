@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from refsim.pipeline.blocks import commit, cover, list_lanes, probe
-from refsim.pipeline.fragment import COUNTS, STENCIL_IN_LOOP, STENCIL_MASK, STENCIL_OFF, TestValues, add_fates
+from refsim.pipeline.fragment import COUNTS, STENCIL_MASK, STENCIL_OFF, TestValues, add_fates
 from refsim.pipeline.packet import (
     BLOCK,
     OFF,
@@ -47,7 +47,7 @@ def dense_bins(
     packet = new_packet(IN_F, IN_I, OUT_F, OUT_I)
     local = np.zeros(COUNTS, np.int64)
     # Lanes that count every invocation themselves need no pending count
-    count_lanes = TESTS.tests_first or (TESTS.early_stencil and TESTS.stencil_mode == STENCIL_IN_LOOP)
+    count_lanes = TESTS.counts_lanes
     fixed = TESTS.stencil_mode == STENCIL_MASK and (values.read_mask & values.write_mask) == OFF
     for b in range(first_bin, last_bin):
         if start[U(b)] == start[U(b + 1)]:
@@ -136,7 +136,10 @@ def dense_bins(
                     write_block(packet, blend_constant, first)
             if not count_lanes:
                 pending = I(pending + 1)
-            add_fates(TESTS, local, covered, masked, np.int64(n1), np.int64(n2), np.int64(n3))
+            if TWO_SIDED and corner[p, 6] == OFF:
+                add_fates(BACK_TESTS, local, covered, masked, np.int64(n1), np.int64(n2), np.int64(n3))
+            else:
+                add_fates(TESTS, local, covered, masked, np.int64(n1), np.int64(n2), np.int64(n3))
             # The mask outlives a write, or a depth failure that counts, unless that reaches bits that it reads
             if TESTS.stencil_mode == STENCIL_MASK:
                 fresh = fresh and (fixed or (n3 == OFF and TESTS.stencil.depth_fail_op == StencilOperation.KEEP))

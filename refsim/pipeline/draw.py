@@ -27,7 +27,7 @@ from refsim.pipeline.fragment import (
     STENCIL_FAILED,
     WRITTEN,
 )
-from refsim.pipeline.fragment_stage import Loop, run_fragments
+from refsim.pipeline.fragment_stage import Loop, fragments_of, run_fragments
 from refsim.pipeline.front import Feed, rounds
 from refsim.pipeline.layout import plain, shape_of
 from refsim.pipeline.program import Program, program_of
@@ -37,7 +37,7 @@ from refsim.pipeline.rounds import Scratch, slice_size
 from refsim.pipeline.state import DynamicState, Pipeline, TextureFormat
 from refsim.pipeline.stream_output import check_capture
 from refsim.pipeline.taps import Taps, VertexTap, by_field, check_size
-from refsim.pipeline.threads import checked_threads
+from refsim.pipeline.threads import checked_threads, run_all
 from refsim.pipeline.threads import default_threads as default_threads
 from refsim.pipeline.validate import checked_draw
 
@@ -93,7 +93,7 @@ def draw(
 
     scratch = Scratch.borrow()
     feeds = Feeds(program, arguments, call, threads, scratch, stream_output, taps, recorders.any)
-    _rehearse(program, feeds, call, primitives, threads, recorders.any, scratch)
+    _rehearse(program, feeds, call, primitives, threads, recorders, scratch)
     for feed in feeds.run():
         if not pipeline.rasterizer_discard:
             _rasterise(program, feed, call, threads, loop, recorders, done, scratch)
@@ -109,18 +109,22 @@ def draw(
 
 
 def _rehearse(
-    program: Program, feeds: Feeds, call: Any, primitives: int, threads: int, tapped: bool, scratch: Scratch
+    program: Program, feeds: Feeds, call: Any, primitives: int, threads: int, recorders: Recorders, scratch: Scratch
 ) -> None:
     """Runs what comes before the fragment stage without effect, where only that can tell whether the draw is refused:
-    quads that are no rectangles, taps of fragments and of emitted vertices that do not fit."""
+    quads that are no rectangles, taps that do not fit."""
     quads = program.pipeline.rasterized.corners == 4 and primitives > slice_size(primitives, threads) * threads
-    if not (tapped or quads or feeds.records):
+    if not (recorders.any or quads or feeds.records):
         return
-    covered = 0
+    reached = rows = fragments = 0
     for feed in feeds.rehearsal():
-        if tapped or quads:
-            covered += sum(int(part.fates[:, 4].sum()) for part in rounds(program, feed, call, threads, scratch))
-        check_size(program.pipeline.label, covered if tapped else 0)
+        if not (recorders.any or quads):
+            continue
+        reached += feed.primitives if recorders.raster else 0
+        for part in rounds(program, feed, call, threads, scratch):
+            rows += len(part.survivors()) if recorders.raster else 0
+            fragments += fragments_of(program, part) if recorders.fragment else 0
+        check_size(program.pipeline.label, max(reached, rows, fragments))
 
 
 def _rasterise(
@@ -191,8 +195,10 @@ def _tap_vertices(program: Program, arguments: Any, call: Any) -> VertexTap:
     position, size = np.empty((4, count), np.float32), np.empty(count, np.float32)
     floats = np.empty((count, program.varyings.floats), np.float32)
     ints = np.empty((count, program.varyings.ints), np.int32)
-    program.vertex_tap(
-        *arguments, call.buffers, call.indices, call.assembly.vertices, 0, count, position, size, floats, ints
-    )
+    columns = (position, size, floats, ints)
+    rows = (*arguments, call.buffers, call.indices, call.assembly.vertices, 0, count)
+    run_all(program.pipeline.label, 1, [lambda: program.vertex_tap(*rows, *columns)])
     varyings = by_field(program.varyings, floats.T, ints.T)
-    return VertexTap(program.pipeline.label, np.ascontiguousarray(position.T), size, varyings)
+    instance, slot = np.divmod(np.arange(count), max(call.assembly.vertices, 1))
+    vertex = call.indices[slot].astype(np.int64) if program.indexed else slot
+    return VertexTap(program.pipeline.label, np.ascontiguousarray(position.T), size, varyings, vertex, instance)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from refsim.errors import InputError
 from refsim.pipeline.assembly import NO_TABLE
 from refsim.pipeline.front import Feed
 from refsim.pipeline.layout import Layout
@@ -72,12 +73,17 @@ def emissions(program: Program, arguments: Any, call: Any, threads: int, scratch
         parts = [_columns(stage, first + k * size, count, k, scratch) for k, count in enumerate(counts)]
 
         def run(part: Emitted, count: int) -> None:
-            totals = np.zeros(2, np.int64)
+            totals = np.zeros(3, np.int64)
             kernel(
                 *arguments, call.buffers, call.indices, call.assembly.table, call.assembly.primitives, part.first,
                 count, *part.columns, totals,
             )  # fmt: skip
-            part.vertices, part.primitives = (int(total) for total in totals)
+            part.vertices, part.primitives = int(totals[0]), int(totals[1])
+            if totals[2]:
+                raise InputError(
+                    f"{program.pipeline.label}: the geometry shader returned {totals[2]} emissions that are neither "
+                    "SKIP (0) nor EMIT (1) nor EMIT_AND_END (2)."
+                )
 
         pairs = zip(parts, counts, strict=True)
         run_all(program.pipeline.label, threads, [lambda part=part, n=n: run(part, n) for part, n in pairs])

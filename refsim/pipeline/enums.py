@@ -156,6 +156,39 @@ class VertexStepMode(StrEnum):
     INSTANCE = "instance"
 
 
+class PrimitiveFate(IntEnum):
+    """What became of a primitive that reached the rasteriser (`RasterTap.fate`; counters ``raster.…`` count them).
+
+    `DRAWN`: it went on to the fragment stage, whole or in pieces. `CLIPPED`: a triangle beyond one side of the clip
+    volume, of which clipping left nothing or a position is no number; a point or quad with a vertex outside. `EMPTY`:
+    without area, or no pixel centre of scissor and viewport lies in its bounding box. `CROOKED`: a quad that is no
+    axis-aligned rectangle of the screen (the draw is refused, so no tap holds it). `CULLED`: a triangle dropped for its
+    facing, whether or not it would have met a pixel.
+    """
+
+    DRAWN = 0
+    CLIPPED = 1
+    EMPTY = 2
+    CROOKED = 3
+    CULLED = 4
+
+
+class FragmentFate(IntEnum):
+    """What became of a fragment, a covered pixel of a primitive (`FragmentTap.fate`).
+
+    `EARLY_STENCIL`, `EARLY_DEPTH`: failed the test before the shader was due (counters ``….failed_early``).
+    `DISCARDED`: the shader did not keep it. `STENCIL_FAILED`, `DEPTH_FAILED`: failed the test after the shader.
+    `WRITTEN`: passed everything.
+    """
+
+    EARLY_STENCIL = 1
+    EARLY_DEPTH = 2
+    DISCARDED = 3
+    STENCIL_FAILED = 4
+    DEPTH_FAILED = 5
+    WRITTEN = 6
+
+
 class TextureFormat(StrEnum):
     """Formats of colour targets and textures, stored as planes of 32 bits a component.
 

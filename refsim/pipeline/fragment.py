@@ -12,12 +12,14 @@ import numpy as np
 
 from refsim.jit import func
 from refsim.pipeline.depth import stored_depth
+from refsim.pipeline.enums import FragmentFate
 from refsim.pipeline.state import StencilFaceState
 from refsim.pipeline.stencil import compare, stencil_passes, stencil_update
 
-# Fates a fragment can have, and places of the kernel's counters
-COVERED, EARLY_STENCIL, EARLY_DEPTH, DISCARDED, STENCIL_FAILED, DEPTH_FAILED, WRITTEN = range(7)
-COUNTS = 7
+# Places of the kernel's counters: all fragments, then each fate
+COVERED = 0
+EARLY_STENCIL, EARLY_DEPTH, DISCARDED, STENCIL_FAILED, DEPTH_FAILED, WRITTEN = (int(fate) for fate in FragmentFate)
+COUNTS = 1 + len(FragmentFate)
 
 STENCIL_OFF, STENCIL_MASK, STENCIL_IN_LOOP = 0, 1, 2
 
@@ -28,6 +30,8 @@ class Tests(NamedTuple):
     `stencil_mode`: off; mask (tested before the shader, once for all primitives until the stencil changes: only legal
     when failing has no effect); in the loop. `tests_first`: stencil and depth decide before the shader may discard.
     `forced`: they also write before it does. `early_stencil`: stencil failures count as rejected early.
+    `stencil_first`: the stencil alone decides before the shader, fragment by fragment. `counts_lanes`: the dense loop
+    counts shader runs lane by lane, as not every covered lane runs the shader.
     """
 
     stencil: StencilFaceState
@@ -41,6 +45,8 @@ class Tests(NamedTuple):
     tests_first: bool
     forced: bool
     probe: bool
+    stencil_first: bool = False
+    counts_lanes: bool = False
 
 
 class TestValues(NamedTuple):
@@ -82,9 +88,11 @@ def shade(fragment, tests, values, u, t, varyings, primitive_depth, inputs, pixe
 
 @func
 def stages(tests, covered, keep, stencil_ok, depth_ok):
-    """Which fragments are left after the first and the second of the stages keep, stencil, depth, in order."""
+    """Which fragments are left after the first and the second of the three stages, in their order."""
     if tests.tests_first:
         return covered & stencil_ok, covered & stencil_ok & depth_ok
+    if tests.stencil_first:
+        return covered & stencil_ok, covered & stencil_ok & keep
     return covered & keep, covered & keep & stencil_ok
 
 
@@ -95,15 +103,17 @@ def add_fates(tests, counts, covered, masked, first, second, written):
     counts[STENCIL_FAILED] += covered - masked
     counts[EARLY_STENCIL] += covered - masked
     counts[WRITTEN] += written
-    if tests.tests_first:
+    if tests.tests_first or tests.stencil_first:
         counts[STENCIL_FAILED] += masked - first
         counts[EARLY_STENCIL] += masked - first
+    if tests.tests_first:
         counts[DEPTH_FAILED] += first - second
         counts[EARLY_DEPTH] += first - second
         counts[DISCARDED] += second - written
+    elif tests.stencil_first:
+        counts[DISCARDED] += first - second
+        counts[DEPTH_FAILED] += second - written
     else:
         counts[DISCARDED] += masked - first
         counts[STENCIL_FAILED] += first - second
         counts[DEPTH_FAILED] += second - written
-        if tests.early_stencil:
-            counts[EARLY_STENCIL] += first - second

@@ -36,13 +36,26 @@ U = np.uintp
 
 @func
 def fate_of(tests, masked, keep, stencil_ok, depth_ok):
-    """The fate of one covered fragment (see `refsim.pipeline.fragment`)."""
+    """The fate of one covered fragment (a `FragmentFate`)."""
     if not masked:
         return EARLY_STENCIL
     if tests.tests_first:
         return EARLY_STENCIL if not stencil_ok else (EARLY_DEPTH if not depth_ok else (WRITTEN if keep else DISCARDED))
-    failed = EARLY_STENCIL if tests.early_stencil else STENCIL_FAILED
-    return DISCARDED if not keep else (failed if not stencil_ok else (WRITTEN if depth_ok else DEPTH_FAILED))
+    late = WRITTEN if depth_ok else DEPTH_FAILED
+    if tests.stencil_first:
+        return EARLY_STENCIL if not stencil_ok else (late if keep else DISCARDED)
+    return DISCARDED if not keep else (late if stencil_ok else STENCIL_FAILED)
+
+
+@func
+def settle(tests, values, local, covered, keep, z, depth, stencil):
+    """One fragment's tests, its counts and its fate: (written, new depth, new stencil, fate)."""
+    written, stencil_ok, depth_ok, new_depth, new_stencil = resolve(tests, values, covered, keep, z, depth, stencil)
+    first, second = stages(tests, covered, keep, stencil_ok, depth_ok)
+    add_fates(
+        tests, local, np.int64(1), np.int64(covered), np.int64(first), np.int64(second), np.int64(written)
+    )  # fmt: skip
+    return written, new_depth, new_stencil, fate_of(tests, covered, keep, stencil_ok, depth_ok)
 
 
 def listed_bins(
@@ -70,7 +83,7 @@ def listed_bins(
     TI, OI = IW[:IN_I], IW[IN_I : IN_I + OUT_I]
     xs, ys, owner, kept = IW[IN_I + OUT_I], IW[IN_I + OUT_I + 1], IW[IN_I + OUT_I + 2], IW[IN_I + OUT_I + 3]
     local = np.zeros(COUNTS, np.int64)
-    one, none = np.int64(1), np.int64(0)
+    none = np.int64(0)
     for b in range(first_bin, last_bin):
         y0, x0 = I((b // bins_x) << log2_height), I((b % bins_x) << log2_width)
         x_end, y_end = I(x0 + (1 << log2_width)), I(y0 + (1 << log2_height))
@@ -129,21 +142,16 @@ def listed_bins(
                 if TESTS.stencil_mode == STENCIL_MASK:
                     masked = stencil_passes(TESTS.stencil, old_stencil, values.reference, values.read_mask)
                 if TWO_SIDED and corner[U(owner[i]), 6] == OFF:
-                    written, s_ok, d_ok, new_depth, new_stencil = resolve(
-                        BACK_TESTS, values, masked, keep, z_column[i], depth_plane[py, px], old_stencil
+                    written, new_depth, new_stencil, fate = settle(
+                        BACK_TESTS, values, local, masked, keep, z_column[i], depth_plane[py, px], old_stencil
                     )
                 else:
-                    written, s_ok, d_ok, new_depth, new_stencil = resolve(
-                        TESTS, values, masked, keep, z_column[i], depth_plane[py, px], old_stencil
+                    written, new_depth, new_stencil, fate = settle(
+                        TESTS, values, local, masked, keep, z_column[i], depth_plane[py, px], old_stencil
                     )
-                left1, left2 = stages(TESTS, masked, keep, s_ok, d_ok)
-                add_fates(
-                    TESTS, local, one, np.int64(masked), np.int64(left1), np.int64(left2), np.int64(written)
-                )
                 depth_plane[py, px] = new_depth
                 if TESTS.stencil_mode != STENCIL_OFF:
                     stencil_plane[py, px] = np.uint8(new_stencil)
-                fate = fate_of(TESTS, masked, keep, s_ok, d_ok)
                 if fate != EARLY_STENCIL and fate != EARLY_DEPTH:
                     invocation_plane[py, px] += I(1)
                 if written and PLAIN:

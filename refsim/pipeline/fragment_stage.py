@@ -20,6 +20,7 @@ from refsim.pipeline.threads import run_all
 
 BIN_ITEMS = 2**21
 FEW_FRAGMENTS = 2**12
+EVERYTHING = 29  # log2 of more pixels than a framebuffer is wide or high
 # Mean fragments a primitive below which the fragment list is quicker than packets: rectangles, triangles
 LIST_BELOW = (16.0, 48.0)
 
@@ -32,6 +33,13 @@ def _bin_shape(mean_area: float, framebuffer: Framebuffer, threads: int, smalles
     while log2 > smallest and -(-framebuffer.width >> log2) * -(-framebuffer.height >> log2) < 4 * threads:
         log2 -= 1
     return log2, log2
+
+
+def fragments_of(program: Program, part: Round) -> int:
+    """Fragments that a round makes: it is counted as one bin that holds every pixel."""
+    survivors = part.survivors()
+    bins = (np.array([0, len(survivors)]), survivors, 0, 1, 1)
+    return int(program.count_fragments(part.primitives, bins, (EVERYTHING, EVERYTHING), np.zeros(1, np.int64)))
 
 
 def run_fragments(

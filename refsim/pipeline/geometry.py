@@ -33,11 +33,12 @@ def amplify(
     `per_instance` primitives make an instance; `table` as in `refsim.pipeline.assembly`.
     Emitted vertices go to the rows of `position` f32[c, 4], `size` f32[c], `VF` f32[c, k], `VI` i32[c, k] and `origin`
     i32[c] (entry, counted from the first one of this call); triangles to `corners` i32[c, 3], as rows of these.
-    `totals` i64[2] receives the numbers of vertices and of primitives. There is room for every entry (c).
+    `totals` i64[3] receives the numbers of vertices, of primitives and of emissions that mean nothing. There is room
+    for every entry (c).
     """
     u = rebuild_uniforms(uniforms)
     t = rebuild_textures(textures)
-    rows, made = np.int64(0), np.int64(0)
+    rows, made, wrong = np.int64(0), np.int64(0), np.int64(0)
     done = np.int64(0)
     while done < count:
         # A run of primitives of one instance
@@ -48,9 +49,10 @@ def amplify(
         for j in range(run):
             vertices = assemble(u, t, buffers, indices, table, start + j, instance)
             entries = geometry_shader(u, t, vertices, I(start + j))
+            wrong += odd_emissions(entries)
             rows, made = append(entries, (done + j) * MOST, rows, made, position, size, VF, VI, origin, corners)
         done += run
-    totals[0], totals[1] = rows, made
+    totals[0], totals[1], totals[2] = rows, made, wrong
 
 
 def amplify_slots(emission: GeometryState, topology: PrimitiveTopology, shade):
@@ -59,6 +61,7 @@ def amplify_slots(emission: GeometryState, topology: PrimitiveTopology, shade):
         "assemble": assembler(topology, shade),
         "geometry_shader": emission.shader,
         "append": appender(Layout.of(emission.varyings), emission.output, emission.max_vertices),
+        "odd_emissions": odd_counter(emission.max_vertices),
         "MOST": emission.max_vertices,
     }
 
@@ -74,8 +77,6 @@ def appender(varyings: Layout, output: PrimitiveTopology, most: int):
     """Device function that appends the `most` entries of an invocation, whose types may differ, one after the other."""
     place = device_function(_PLACE, "place", {"put_varyings": varyings.put_row, "U": U, "I": I})
     joined = joined_strip if output.is_triangles else joined_points
-    entries = ", ".join(f"e{k}" for k in range(most))
-    unpacked = f"{entries}, = entries" if most else "() = entries"
     steps = "\n".join(
         f"    place(e{k}, number + {k}, rows, position, size, VF, VI, origin)\n"
         f"    rows, made, run = joined(e{k}[0], rows, made, run, corners)"
@@ -83,9 +84,27 @@ def appender(varyings: Layout, output: PrimitiveTopology, most: int):
     )
     source = (
         "def append(entries, number, rows, made, position, size, VF, VI, origin, corners):\n"
-        f"    {unpacked}\n    run = I(0)\n{steps}\n    return rows, made\n"
+        f"    {unpacking(most)}\n    run = I(0)\n{steps}\n    return rows, made\n"
     )
     return device_function(source, "append", {"place": place, "joined": joined, "I": I})
+
+
+def odd_counter(most: int):
+    """Device function ``odd(entries)``: how many say neither `SKIP` nor `EMIT` nor `EMIT_AND_END`."""
+    parts = [f"neither(e{k}[0])" for k in range(most)]
+    source = f"def odd(entries):\n    {unpacking(most)}\n    return {' + '.join(parts or ['0'])}\n"
+    return device_function(source, "odd", {"neither": neither})
+
+
+def unpacking(most: int) -> str:
+    """The statement that takes the entries apart; a tuple of another length does not compile."""
+    return f"{', '.join(f'e{k}' for k in range(most))}, = entries" if most else "() = entries"
+
+
+@func
+def neither(emission):
+    """1 for an emission that means nothing."""
+    return np.int64((emission != SKIP) & (emission != EMIT) & (emission != EMIT_AND_END))
 
 
 # The next row always has room, so an entry is stored first and then kept or not: no branch that the processor misses
@@ -93,7 +112,8 @@ _PLACE = """
 def place(entry, number, rows, position, size, VF, VI, origin):
     _, p, s, varyings = entry
     i = U(rows)
-    position[i, 0], position[i, 1], position[i, 2], position[i, 3] = p[0], p[1], p[2], p[3]
+    x, y, z, w = p
+    position[i, 0], position[i, 1], position[i, 2], position[i, 3] = x, y, z, w
     size[i] = s
     origin[i] = I(number)
     put_varyings(VF, VI, i, varyings)

@@ -130,10 +130,16 @@ class Layout:
         return device_function(f"def get(F, I, i):\n    return {source}\n", "get", classes)
 
     def _putter(self, cell: str) -> Any:
-        lines = [
-            f"    {cell.format(a='F' if kind == 'f' else 'I', k=column)} = {path}"
-            for path, kind, column in self.leaves("value")
-        ]
+        lines = []
+        for path, kind, column in self.leaves("value"):
+            target = cell.format(a="F" if kind == "f" else "I", k=column)
+            if path.endswith("]"):  # a vector is taken apart as a whole, so that one of another length does not compile
+                vector, _, j = path[:-1].rpartition("[")
+                if j == "0":
+                    size = sum(other.startswith(f"{vector}[") for other, _, _ in self.leaves("value"))
+                    lines.append(f"    {''.join(f'p{n}, ' for n in range(size))}= {vector}")
+                path = f"p{j}"
+            lines.append(f"    {target} = {path}")
         return device_function("def put(F, I, i, value):\n" + "\n".join(lines or ["    pass"]) + "\n", "put", {})
 
     @cached_property

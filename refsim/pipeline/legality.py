@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, get_args
 
 from refsim.errors import InputError
 from refsim.pipeline.color_writes import READS_ALPHA, reads_second_source, second_source, target_fields
@@ -18,19 +17,34 @@ from refsim.pipeline.enums import (
     FrontFace,
     PrimitiveTopology,
     StencilOperation,
+    VertexStepMode,
     member,
 )
 from refsim.pipeline.interpolation import interpolation_of
-from refsim.pipeline.state import BlendComponent, BlendState, ColorTargetState
+from refsim.pipeline.layout import Layout
+from refsim.pipeline.state import (
+    BlendComponent,
+    BlendState,
+    ColorTargetState,
+    DepthStencilState,
+    FragmentState,
+    GeometryState,
+    StencilFaceState,
+    StreamOutputState,
+    VertexBufferLayout,
+    VertexState,
+)
 
 if TYPE_CHECKING:
     from refsim.pipeline.state import Pipeline
 
 MAX_EMITTED = 1024
+LARGEST_FLOAT32 = (2 - 2.0**-23) * 2.0**127
 
 
 def check_pipeline(pipeline: Pipeline) -> None:
     """Raises `InputError` for a state that means nothing; puts enumeration members in the place of their values."""
+    _check_classes(pipeline)
     fields = {
         "topology": PrimitiveTopology, "early_tests": EarlyTests, "front_face": FrontFace, "cull_mode": CullMode
     }  # fmt: skip
@@ -43,6 +57,53 @@ def check_pipeline(pipeline: Pipeline) -> None:
     _check_rasterizer(pipeline)
     if pipeline.rasterized.is_triangles:
         interpolation_of(pipeline.last_varyings)
+
+
+def _check_classes(pipeline: Pipeline) -> None:
+    """Every field holds an object of the class that it is for, before anything is read from it."""
+    label: object = pipeline.label
+    if not isinstance(label, str):
+        raise InputError(f"label must be a str, not {label!r}.")
+    classes = {
+        "vertex": VertexState, "fragment": FragmentState | None, "depth_stencil": DepthStencilState,
+        "geometry": GeometryState | None, "stream_output": StreamOutputState | None,
+    }  # fmt: skip
+    for name, wanted in classes.items():
+        _check_class(label, name, wanted, getattr(pipeline, name))
+    for side in ("stencil_front", "stencil_back"):
+        _check_class(label, f"depth_stencil.{side}", StencilFaceState, getattr(pipeline.depth_stencil, side))
+    buffers: object = pipeline.vertex.buffers
+    if not isinstance(buffers, tuple):
+        raise InputError(f"{label}: vertex.buffers must be a tuple of VertexBufferLayout, not {buffers!r}.")
+    for number, layout in enumerate(buffers):
+        name = f"vertex.buffers[{number}]"
+        _check_class(label, name, VertexBufferLayout, layout)
+        step_mode = member(label, f"{name}.step_mode", VertexStepMode, layout.step_mode)
+        object.__setattr__(layout, "step_mode", step_mode)
+        _check_columns(label, f"{name}.attributes", layout.attributes)
+    _check_columns(label, "vertex.varyings", pipeline.vertex.varyings)
+    if pipeline.geometry is not None:
+        _check_columns(label, "geometry.varyings", pipeline.geometry.varyings)
+    if pipeline.fragment is not None:
+        _check_columns(label, "fragment.outputs", pipeline.fragment.outputs)
+        if pipeline.fragment.inputs is not None:
+            _check_columns(label, "fragment.inputs", pipeline.fragment.inputs)
+
+
+def _check_class(label: str, name: str, wanted: Any, value: object) -> None:
+    if not isinstance(value, wanted):
+        names = " or ".join(part.__name__.replace("NoneType", "None") for part in get_args(wanted) or (wanted,))
+        raise InputError(f"{label}: {name} must be a {names}, not {value!r}.")
+
+
+def _check_columns(label: str, name: str, value: object) -> None:
+    """Whether `value` is a NamedTuple class of numbers (`refsim.pipeline.layout`)."""
+    if not isinstance(value, type):
+        raise InputError(f"{label}: {name}: {value!r} is not a NamedTuple class, so it has no columns.")
+    try:
+        Layout.of(value)
+    except InputError as error:
+        raise InputError(f"{label}: {name}: {error}") from error
 
 
 def _check_shaders(pipeline: Pipeline) -> None:
@@ -61,8 +122,8 @@ def _check_depth_stencil(pipeline: Pipeline) -> None:
         for name in ("fail_op", "depth_fail_op", "pass_op"):
             member(label, f"{side}.{name}", StencilOperation, getattr(face, name))
     bias = (state.depth_bias, state.depth_bias_slope_scale, state.depth_bias_clamp)
-    if not all(isinstance(part, int | float) and math.isfinite(part) for part in bias):
-        raise InputError(f"{label}: depth_bias, its slope scale and its clamp must be finite numbers, not {bias}.")
+    if not all(isinstance(part, int | float) and abs(part) <= LARGEST_FLOAT32 for part in bias):
+        raise InputError(f"{label}: depth_bias, its slope scale and its clamp must be finite float32s, not {bias}.")
     if not isinstance(state.depth_bias, int) or isinstance(state.depth_bias, bool) or abs(state.depth_bias) >= 2**31:
         raise InputError(f"{label}: depth_bias counts steps of the format: an int32, not {state.depth_bias!r}.")
     if any(bias) and not pipeline.rasterized.is_triangles:

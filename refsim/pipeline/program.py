@@ -70,7 +70,7 @@ def fragment_tests(fragment: FragmentState, state: DepthStencilState, policy: Ea
     tests_first = forced or early_depth
     failing_changes = (stencil_tests and face.fail_op != keeps) or (depth_tests and face.depth_fail_op != keeps)
     may_reject = fragment.discards or depth_tests or (mode == STENCIL_IN_LOOP and stencil_tests)
-    early_in_loop = early_stencil and mode == STENCIL_IN_LOOP and not tests_first
+    stencil_first = early_stencil and mode == STENCIL_IN_LOOP and not tests_first
     return Tests(
         stencil=StencilFaceState(*(int(part) for part in face)),  # type: ignore[arg-type]
         stencil_mode=mode,
@@ -82,24 +82,30 @@ def fragment_tests(fragment: FragmentState, state: DepthStencilState, policy: Ea
         early_stencil=early_stencil or forced,
         tests_first=tests_first,
         forced=forced,
-        probe=may_reject and not failing_changes and not early_in_loop,
+        probe=may_reject and not failing_changes and not stencil_first,
+        stencil_first=stencil_first,
+        counts_lanes=tests_first or stencil_first,
     )
 
 
 def both_faces(fragment: FragmentState, state: DepthStencilState, policy: EarlyTests) -> tuple[Tests, Tests]:
-    """The tests of front and back faces of triangles. Where they differ, both are tested in the loop, and early only
-    if that is right for both."""
+    """The tests of front and back faces of triangles.
+
+    Where they differ, each face has its own order, and the stencil is tested in the loop: a mask for all primitives
+    cannot know their faces.
+    """
     back_state = state._replace(stencil_front=state.stencil_back)
     front, back = fragment_tests(fragment, state, policy), fragment_tests(fragment, back_state, policy)
     if state.stencil_front == state.stencil_back:
         return front, front
-    shared: dict[str, Any] = {
-        "stencil_mode": STENCIL_IN_LOOP,
-        "early_stencil": front.early_stencil and back.early_stencil,
-        "tests_first": front.tests_first and back.tests_first,
-        "probe": False,
-    }
-    return front._replace(**shared), back._replace(**shared)
+    active = front.stencil_mode != STENCIL_OFF or back.stencil_mode != STENCIL_OFF
+
+    def in_loop(tests: Tests) -> Tests:
+        mode = STENCIL_IN_LOOP if active else STENCIL_OFF
+        first = tests.early_stencil and active and not tests.tests_first
+        return tests._replace(stencil_mode=mode, stencil_first=first, counts_lanes=True, probe=False)
+
+    return in_loop(front), in_loop(back)
 
 
 class Nothing(NamedTuple):
@@ -139,7 +145,7 @@ class Program:
         self._rebuild = {"rebuild_uniforms": rebuilder(uniforms), "rebuild_textures": rebuilder(textures)}
         self.writes = color_writes(pipeline.fragment, formats)
         self.target_fields = target_fields(fragment)
-        self._indexed = indexed
+        self.indexed = indexed
         self._vertex_slots = self._slots_of_vertex_stage()
         self._fragment_slots = self._slots_of_fragment_stage()
         self.emission = emission_of(pipeline)
@@ -152,7 +158,7 @@ class Program:
             "fetch": attribute_fetcher(self.pipeline.vertex.buffers),
             "vertex_shader": self.pipeline.vertex.shader,
             "put_varyings": self.varyings.put_row,
-            "INDEXED": self._indexed,
+            "INDEXED": self.indexed,
             "CORNERS": self.pipeline.topology.corners,
         }
 
@@ -195,7 +201,7 @@ class Program:
     def _slots_of_emission(self, emission: GeometryState) -> dict[str, dict[str, Any]]:
         """Of the geometry stage and of stream output."""
         pipeline, vertex = self.pipeline, self._vertex_slots
-        shade = corner_shader(vertex["vertex_shader"], vertex["fetch"], SLOTS[pipeline.topology], self._indexed)
+        shade = corner_shader(vertex["vertex_shader"], vertex["fetch"], SLOTS[pipeline.topology], self.indexed)
         slots = {"amplify": {**self._rebuild, **amplify_slots(emission, pipeline.topology, shade)}}
         if pipeline.stream_output is not None:
             slots["capture"] = capture_slots(emission, pipeline.stream_output.record)
@@ -212,7 +218,7 @@ class Program:
             return {**self._rebuild, **emitted_slots(varyings, fetch)}
         if self.triangles:
             fetch, slot = self._vertex_slots["fetch"], SLOTS[pipeline.topology]
-            return self._slots_of_triangles(fetch, pipeline.vertex.shader, slot, self._indexed)
+            return self._slots_of_triangles(fetch, pipeline.vertex.shader, slot, self.indexed)
         return self._vertex_slots
 
     @property

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from refsim.jit import func
+from refsim.pipeline.enums import PrimitiveFate
 from refsim.pipeline.viewport import snapped, to_depth, to_screen
 
 F0 = np.float32(0)
@@ -23,8 +24,8 @@ GRID = np.float32(1 / 256)
 I = np.int32  # noqa: E741
 U = np.uintp
 
-# What becomes of a primitive
-DRAWN, CLIPPED, EMPTY, CROOKED, CULLED = np.int32(0), np.int32(1), np.int32(2), np.int32(3), np.int32(4)
+# What becomes of a primitive, as kernels take it
+DRAWN, CLIPPED, EMPTY, CROOKED, CULLED = (np.int32(fate) for fate in PrimitiveFate)
 
 
 @func

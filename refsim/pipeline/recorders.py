@@ -63,15 +63,17 @@ class FragmentRecorder:
 
 
 class RasterRecorder:
-    """One draw's primitives as they leave the rasteriser's set-up."""
+    """One draw's primitives as they leave the rasteriser's set-up, and the fates of all."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
         self._parts: list[tuple[np.ndarray, ...]] = []
+        self._fates: list[np.ndarray] = []
         self._count = 0
 
     def add(self, part: Round) -> None:
-        """Copies what is left of a round."""
+        """Copies what is left of a round. Rounds come in the order of their primitives."""
+        self._fates.append(part.became.astype(np.int32))
         rows = part.survivors()
         self._count += len(rows)
         check_size(self._program.pipeline.label, self._count)
@@ -93,7 +95,9 @@ class RasterRecorder:
         primitive, rect, front, edges, depth = (
             np.concatenate(column) for column in zip(*(self._parts or [none]), strict=True)
         )
-        return RasterTap(self._program.pipeline.label, primitive, rect, front, edges, depth, *lineage(primitive))
+        fate = np.concatenate([*self._fates, np.empty(0, np.int32)])
+        label = self._program.pipeline.label
+        return RasterTap(label, primitive, rect, front, edges, depth, *lineage(primitive), fate)
 
 
 class Recorders(NamedTuple):

@@ -63,6 +63,8 @@ class Framebuffer:
         if not whole or width < 1 or height < 1 or width * height > MAX_TARGET_PIXELS:
             raise InputError(f"a framebuffer of {width} × {height} pixels cannot be made; give 1 to 2**28 pixels.")
         self.width, self.height = int(width), int(height)
+        if not isinstance(targets, Mapping) or not all(isinstance(name, str) for name in targets):
+            raise InputError(f"framebuffer: targets must map names to formats, not {targets!r}.")
         formats = {name: member("framebuffer", name, TextureFormat, form) for name, form in targets.items()}
         self.targets = cast(dict[str, TextureFormat], formats)
         checked = member("framebuffer", "depth_format", DepthStencilFormat, depth_format)

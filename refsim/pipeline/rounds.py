@@ -55,6 +55,7 @@ class Round:
 
     Threads fill slices of `size` primitives each, from row slice · `rows` on. `fates` i64[slices, 8]: rows, clipped,
     empty, crooked, pixels covered (of triangles: in bounding boxes), culled, primitives drawn, pieces of clipped ones.
+    `became` i8[count] is the fate of each primitive of the round, drawn or not.
     """
 
     def __init__(self, program: Program, first: int, count: int, size: int, rows: int, scratch: Scratch) -> None:
@@ -70,6 +71,7 @@ class Round:
         self.ints = scratch.array("ints", (total, program.spread.ints), np.int32)
         self.corner = scratch.array("corner", (edged, CORNER_COLUMNS), np.int32)
         self.plane = scratch.array("plane", (edged, PLANE_COLUMNS), np.float32)
+        self.became = scratch.array("became", (count,), np.int8)
         self.fates = np.zeros((slices, 8), np.int64)
 
     def with_rows(self, program: Program, rows: int) -> Round:
@@ -81,10 +83,11 @@ class Round:
         return self.first + part * self.size, min(self.size, self.count - part * self.size)
 
     def columns(self, part: int) -> tuple[np.ndarray, ...]:
-        """The columns of one slice, to be filled."""
+        """The columns of one slice, to be filled: a row a survivor, and last the fates, one a primitive."""
         rows = slice(part * self.rows, (part + 1) * self.rows)
         every = (self.rect, self.depth, self.source, self.floats, self.ints, self.corner, self.plane)
-        return tuple(column[rows] for column in every)
+        first = part * self.size
+        return (*(column[rows] for column in every), self.became[first : first + self.size])
 
     @property
     def primitives(self) -> tuple[np.ndarray, ...]:

@@ -12,9 +12,9 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba.core.errors import NumbaError
 
 from refsim.errors import InputError
+from refsim.pipeline.compile_errors import COMPILE_ERRORS, lacks_attribute, lacks_return, refusal
 
 
 def default_threads() -> int:
@@ -31,11 +31,16 @@ def run_all(label: str, threads: int, tasks: list[Any]) -> list[Any]:
     """Results of the tasks, in order; the kernels inside release the GIL. A shader that does not compile is named."""
     try:
         return _results(threads, tasks)
-    except NumbaError as error:
-        lines = [line.strip() for line in str(error).splitlines()]
-        telling = ("Unknown attribute", "wrong tuple length", "missing a required", "too many positional", "No ")
-        cause = next((line for line in lines if any(word in line for word in telling)), lines[0])
-        raise InputError(f"{label}: a shader does not compile: {cause}") from error
+    except COMPILE_ERRORS as error:
+        raise refusal(label, error) from error
+    except TypeError as error:
+        if not lacks_return(error):
+            raise
+        raise InputError(f"{label}: a shader returned nothing: a path through it ends without return.") from error
+    except AttributeError as error:
+        if not lacks_attribute(error):
+            raise
+        raise InputError(f"{label}: a shader does not compile: {error}.") from error
 
 
 def _results(threads: int, tasks: list[Any]) -> list[Any]:

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from refsim.jit import func
-from refsim.pipeline.clip import CORNER, MOST_CORNERS, clip_polygon
-from refsim.pipeline.raster import CULLED, DRAWN, EMPTY
+from refsim.pipeline.clip import CORNER, MOST_CORNERS, clip_polygon, convex_ring, whole_ring
+from refsim.pipeline.raster import CLIPPED, CULLED, DRAWN, EMPTY
 from refsim.pipeline.triangle import bias_of, doubled_area
 from refsim.pipeline.viewport import LEAST_W, REACH, snapped, to_depth, to_screen
 
@@ -138,16 +138,17 @@ def triangle_front(
     """Runs triangles [first, first + count) of the draw; appends what is left to the columns.
 
     `columns` = (rect i32[c, 4], depth f32[c] (not used), source i64[c], VF f32[c, k], VI i32[c, k], corner i32[c, 7],
-    plane f32[c, 7]); `fates` i64[8]: rows needed, triangles clipped, empty, 0, pixels in bounding boxes, triangles
-    culled, drawn, pieces of clipped triangles that are drawn.
+    plane f32[c, 7], became i8[count], the fate of every triangle); `fates` i64[8]: rows needed, triangles clipped,
+    empty, 0, pixels in bounding boxes, triangles culled, drawn, pieces of clipped triangles that are drawn.
     """
     u = rebuild_uniforms(uniforms)
     t = rebuild_textures(textures)
-    rect, _, source, VF, VI, corner, plane = columns
+    rect, _, source, VF, VI, corner, plane, became = columns
     position = np.empty((4, BLOCK * 3), np.float32)
     corners = np.empty((MOST_CORNERS, 4), np.float32)
     polygon = np.empty((MOST_CORNERS, CORNER), np.float64)
     spare = np.empty((MOST_CORNERS, CORNER), np.float64)
+    ring = np.empty(MOST_CORNERS, np.int64)
     kept, clipped, empty, boxes, culled, drawn, pieces = 0, 0, 0, np.int64(0), 0, 0, 0
     done = 0
     while done < count:
@@ -159,15 +160,17 @@ def triangle_front(
         for j in range(run):
             for k in range(3):
                 p, _, _ = corner_shader(u, t, buffers, indices, table, start + j, instance, k)
-                position[0, U(3 * j + k)] = p[0]
-                position[1, U(3 * j + k)] = p[1]
-                position[2, U(3 * j + k)] = p[2]
-                position[3, U(3 * j + k)] = p[3]
+                x, y, z, w = p
+                position[0, U(3 * j + k)] = x
+                position[1, U(3 * j + k)] = y
+                position[2, U(3 * j + k)] = z
+                position[3, U(3 * j + k)] = w
         for j in range(run):
             a, b, c = U(3 * j), U(3 * j + 1), U(3 * j + 2)
             finite = is_finite(position, a) and is_finite(position, b) and is_finite(position, c)
             if not finite or outside_one_plane(position, a, b, c):
                 clipped += 1
+                became[U(done + j)] = CLIPPED
                 continue
             cut = needs_clipping(position, a, view) or needs_clipping(position, b, view)
             cut = cut or needs_clipping(position, c, view)
@@ -181,6 +184,7 @@ def triangle_front(
                 n = clip_polygon(polygon, spare, D(view[6]), D(view[7]))
                 if n < 3:
                     clipped += 1
+                    became[U(done + j)] = CLIPPED
                     continue
                 for k in range(n):
                     x, y, z, w = F(polygon[k, 0]), F(polygon[k, 1]), F(polygon[k, 2]), F(polygon[k, 3])
@@ -190,10 +194,12 @@ def triangle_front(
                     i = U(3 * j + k)
                     on_screen(position[0, i], position[1, i], position[2, i], position[3, i], view, corners[U(k)])
             # The triangle, or the fan of its polygon
+            n = convex_ring(corners, n, ring) if cut else whole_ring(ring)
             fate = EMPTY
             for k in range(n - 2):
+                at0, at1, at2 = U(ring[0]), U(ring[k + 1]), U(ring[k + 2])
                 one, boxed, turned = set_up(
-                    corners, U(0), U(k + 1), U(k + 2), FACING, bias, bounds, kept, rect, corner, plane
+                    corners, at0, at1, at2, FACING, bias, bounds, kept, rect, corner, plane
                 )
                 fate = one if (fate == EMPTY or one == DRAWN) else fate
                 if one != DRAWN:
@@ -203,12 +209,12 @@ def triangle_front(
                 if kept < rect.shape[0]:
                     source[U(kept)] = primitive + j
                     # The second corner changes places with the third where the set-up turned the triangle round
-                    at1, at2 = (U(k + 2), U(k + 1)) if turned else (U(k + 1), U(k + 2))
+                    at1, at2 = (at2, at1) if turned else (at1, at2)
                     _, _, va = corner_shader(u, t, buffers, indices, table, start + j, instance, 0)
                     _, _, vb = corner_shader(u, t, buffers, indices, table, start + j, instance, 1)
                     _, _, vc = corner_shader(u, t, buffers, indices, table, start + j, instance, 2)
                     if cut:
-                        cut0 = mixed(mix, polygon, U(0), position, a, b, c, va, vb, vc)
+                        cut0 = mixed(mix, polygon, at0, position, a, b, c, va, vb, vc)
                         cut1 = mixed(mix, polygon, at1, position, a, b, c, va, vb, vc)
                         cut2 = mixed(mix, polygon, at2, position, a, b, c, va, vb, vc)
                         put_spread(VF, VI, U(kept), cut0, cut1, cut2)
@@ -217,6 +223,7 @@ def triangle_front(
                     else:
                         put_spread(VF, VI, U(kept), va, vb, vc)
                 kept += 1
+            became[U(done + j)] = fate
             drawn += 1 if fate == DRAWN else 0
             culled += 1 if fate == CULLED else 0
             empty += 1 if fate == EMPTY else 0

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 
 from refsim.errors import InputError
+from refsim.pipeline.arguments import check_targets, check_textures, with_rectangles
 from refsim.pipeline.assembly import Assembly, assembled, restart_places
-from refsim.pipeline.color_writes import target_fields
 from refsim.pipeline.layout import Layout
 from refsim.pipeline.resources import Framebuffer, Texture, VertexBuffer
 from refsim.pipeline.state import DepthStencilFormat, DynamicState, Pipeline, VertexStepMode, Viewport
@@ -66,6 +65,8 @@ def checked_draw(
     assembly, indices_array = _assembly(pipeline, buffers, indices, instances, vertex_count)
     input_floats: tuple[np.ndarray, ...] = _NO_FLOATS
     input_ints: tuple[np.ndarray, ...] = _NO_INTS
+    check_textures(pipeline.label, textures)
+    dynamic = with_rectangles(pipeline.label, dynamic)
     viewport = dynamic.viewport or Viewport(0, 0, 1, 1)
     bounds: tuple[np.float32, ...] = (np.float32(0),) * 4
     if framebuffer is not None:
@@ -145,14 +146,8 @@ def _assembly(
 
 
 def _check_targets(pipeline: Pipeline, framebuffer: Framebuffer) -> None:
-    """Outputs and targets must agree in name, order and type."""
-    fields = target_fields(pipeline.fragment) if pipeline.fragment else []
-    made = [(field.name, field.size, field.kind) for field in fields]
-    wanted = [(name, form.components, "f" if form.is_float else "i") for name, form in framebuffer.targets.items()]
-    if made != wanted:
-        odd = next((a or b for a, b in zip_longest(made, wanted) if a != b), None)
-        name = odd[0] if odd else "?"
-        raise InputError(f"{pipeline.label}: fragment output and colour target {name!r} do not agree.")
+    """Outputs and targets must agree, and the formats of depth and stencil."""
+    check_targets(pipeline, framebuffer)
     if pipeline.depth_stencil.format != framebuffer.depth_format:
         raise InputError(
             f"{pipeline.label}: depth_stencil.format is {pipeline.depth_stencil.format.name}, "

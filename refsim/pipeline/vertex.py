@@ -26,10 +26,11 @@ def front_end(
     """Runs points or quads [first, first + count) of the draw; appends survivors to the columns.
 
     `columns` = (rect i32[c, 4], depth f32[c], source i64[c] (number of the primitive in the draw), VF f32[c, k], VI
-    i32[c, k], and two that only triangles have); `fates` i64[8] receives the numbers of primitives drawn, clipped,
-    empty and not rectangular, of the pixels that are covered, 0, and drawn again.
+    i32[c, k], two that only triangles have, and became i8[count], the fate of every primitive); `fates` i64[8]
+    receives the numbers of primitives drawn, clipped, empty and not rectangular, of the pixels that are covered, 0, and
+    drawn again.
     """
-    rect, depth, source, VF, VI, _, _ = columns
+    rect, depth, source, VF, VI, _, _, became = columns
     u = rebuild_uniforms(uniforms)
     t = rebuild_textures(textures)
     position = np.empty((4, BLOCK * CORNERS), np.float32)
@@ -52,10 +53,11 @@ def front_end(
                 vertex = U(indices[vertex])
             attributes = fetch(buffers, vertex, U(instance))
             p, s, _ = vertex_shader(u, t, attributes, I(vertex), I(instance))
-            position[0, U(j)] = p[0]
-            position[1, U(j)] = p[1]
-            position[2, U(j)] = p[2]
-            position[3, U(j)] = p[3]
+            x, y, z, w = p
+            position[0, U(j)] = x
+            position[1, U(j)] = y
+            position[2, U(j)] = z
+            position[3, U(j)] = w
             size[U(j)] = s
         if CORNERS == 1:
             rasterise_points(position, size, run, view, bounds, block_rect, block_depth, fate)
@@ -64,6 +66,7 @@ def front_end(
         # Survivors get their varyings
         for j in range(run):
             i = U(j)
+            became[U(done + j)] = fate[i]
             clipped += np.int64(fate[i] == CLIPPED)
             empty += np.int64(fate[i] == EMPTY)
             crooked += np.int64(fate[i] == CROOKED)
@@ -95,8 +98,8 @@ def positions(uniforms, textures, buffers, indices, n_vertices, first, count, po
             vertex = U(indices[vertex])
         attributes = fetch(buffers, vertex, U(instance))
         p, s, varyings = vertex_shader(u, t, attributes, I(vertex), I(instance))
-        for k in range(4):
-            position[U(k), U(j)] = p[k]
+        x, y, z, w = p
+        position[0, U(j)], position[1, U(j)], position[2, U(j)], position[3, U(j)] = x, y, z, w
         size[U(j)] = s
         put_varyings(VF, VI, U(j), varyings)
 

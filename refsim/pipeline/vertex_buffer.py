@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from refsim.errors import InputError
-from refsim.pipeline.layout import Layout
+from refsim.pipeline.layout import Field, Layout
 
 
 class VertexBuffer:
@@ -60,25 +60,25 @@ class VertexBuffer:
     def of(cls, attributes: type, **columns: Any) -> VertexBuffer:
         """A full buffer from one array a field: shape [n] for a scalar, [n, k] for a vector.
 
-        Raises `InputError` when a field is missing, unknown, or of another length or width.
+        Raises `InputError` when a field is missing, unknown, or of another length or width, or when its values are no
+        numbers; those of an integer field must be whole numbers that int32 holds.
         """
         fields = {field.name: field for field in Layout.of(attributes).fields}
-        if set(columns) != set(fields):
-            odd = sorted(set(columns) ^ set(fields))
-            raise InputError(f"vertex buffer of {attributes.__name__}: field {odd[0]!r} is missing or unknown.")
-        for name, column in columns.items():
-            if np.ndim(column) == 0:
-                raise InputError(f"vertex buffer of {attributes.__name__}: {name!r} must be an array of rows.")
-        counts = {len(column) for column in columns.values()}
+        what = f"vertex buffer of {attributes.__name__}"
+        for name in sorted(set(columns) ^ set(fields)):
+            fault = "missing" if name in fields else f"unknown; there are {', '.join(fields)}"
+            raise InputError(f"{what}: field {name!r} is {fault}.")
+        arrays = {name: _rows(what, field, columns[name]) for name, field in fields.items()}
+        _check_lengths(what, fields, arrays)
+        counts = {len(array) for array in arrays.values()}
         if len(counts) != 1:
-            raise InputError(f"vertex buffer of {attributes.__name__}: its columns differ in length: {sorted(counts)}.")
+            raise InputError(f"{what}: its columns differ in length: {sorted(counts)}.")
         buffer = cls(attributes, counts.pop())
         count = buffer.count = buffer.capacity
-        for name, column in columns.items():
+        for name, values in arrays.items():
             field = fields[name]
-            values = np.asarray(column)
             if values.size != count * field.size or math.prod(values.shape[1:]) != field.size:
-                raise InputError(f"vertex buffer of {attributes.__name__}: {name!r} needs {field.size} components.")
+                raise InputError(f"{what}: {name!r} needs {field.size} components a row, not the shape {values.shape}.")
             planes = buffer.floats if field.kind == "f" else buffer.ints
             planes[field.first : field.first + field.size] = values.reshape(count, field.size).T
         return buffer
@@ -100,6 +100,38 @@ class VertexBuffer:
             got = f"{array.dtype} of shape {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
             raise InputError(f"records of {attributes.__name__} are a row of {wanted}, not {got}.")
         return cls.of(attributes, **{name: array[name] for name in wanted.names or ()})
+
+
+def _rows(what: str, field: Field, column: Any) -> np.ndarray:
+    """The numbers of a column as an array; `InputError` where its type cannot hold them."""
+    try:
+        values = np.asarray(column)
+    except ValueError:
+        raise InputError(f"{what}: the rows of {field.name!r} differ in length.") from None
+    if values.ndim == 0:
+        raise InputError(f"{what}: {field.name!r} must be an array of rows.")
+    if values.dtype.kind not in "fiub":
+        raise InputError(f"{what}: {field.name!r} must be numbers, not {values.dtype}.")
+    if field.kind == "i" and values.dtype != np.int32:
+        with np.errstate(invalid="ignore"):
+            odd = (values < -(2**31)) | (values >= 2**31) | (values != np.rint(values))
+        if odd.any():
+            raise InputError(f"{what}: {field.name!r} must be whole numbers of int32, not {values[odd][0]}.")
+    return values
+
+
+def _check_lengths(what: str, fields: dict[str, Field], arrays: dict[str, np.ndarray]) -> None:
+    """Refuses an array [k, n] given for n rows of k components, where the other columns tell that it is one."""
+    turned = {
+        name: array.shape
+        for name, array in arrays.items()
+        if array.ndim == 2 and fields[name].size == array.shape[0] != array.shape[1]
+    }
+    others = {len(array) for name, array in arrays.items() if name not in turned}
+    for name, (components, rows) in turned.items():
+        if others == {rows} or (not others and rows > components):
+            wanted = f"[{rows}, {components}]"
+            raise InputError(f"{what}: {name!r} is transposed: [{components}, {rows}], where rows would be {wanted}.")
 
 
 def record_type(attributes: type) -> np.dtype:

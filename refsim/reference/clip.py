@@ -80,3 +80,21 @@ def needs_clipping(position: np.ndarray, viewport: Viewport) -> bool:
     vertices = position.astype(np.float64)
     inside = np.isfinite(vertices).all() and (vertices[:, 3] > 0).all()
     return not (inside and (vertices @ planes(viewport).T >= 0).all())
+
+
+def convex_ring(corners: np.ndarray) -> list[int]:
+    """Which corners int64 ``[m, 2]`` of a polygon are left so that it is convex: those that turn the other way than the
+    polygon's area says, or not at all, go one after the other, the first such one first. None are left of no area."""
+
+    def turn(a: int, b: int, c: int) -> int:
+        (ax, ay), (bx, by), (cx, cy) = (corners[k].tolist() for k in (a, b, c))
+        return (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+
+    area = sum(turn(0, k - 1, k) for k in range(2, len(corners)))
+    ring = list(range(len(corners)))
+    while len(ring) > 2:
+        bad = [k for k, b in enumerate(ring) if turn(ring[k - 1], b, ring[(k + 1) % len(ring)]) * (area or -1) <= 0]
+        if not bad:
+            break
+        del ring[bad[0]]
+    return ring if area else []

@@ -2,17 +2,20 @@
 
 - Decoding a code with the standard's inverse curve and encoding it again gives the code, for all 256.
 - Encoding never falls when light rises, and saturates outside [0, 1].
+- A picture is written to a name given as text or as a path: the same bytes.
 - Golden: the ends, the joint of the two branches, middle grey. A colour that is not a number is refused.
 """
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from refsim.image import encode_srgb
+from refsim.image import encode_srgb, write_png
 
 light = st.floats(width=32, allow_nan=False)
 
@@ -42,3 +45,10 @@ def test_golden(linear: float, code: int) -> None:
 def test_not_a_number_is_refused() -> None:
     with pytest.raises(ValueError, match="not a number"):
         encode_srgb(np.array([0.5, np.nan], np.float32))
+
+
+def test_text_names_a_file_as_a_path_does(tmp_path: Path) -> None:
+    picture = np.linspace(0, 1, 18).reshape(2, 3, 3)
+    write_png(tmp_path / "path.png", picture)
+    write_png(str(tmp_path / "text.png"), picture)
+    assert (tmp_path / "text.png").read_bytes() == (tmp_path / "path.png").read_bytes()

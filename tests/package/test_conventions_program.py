@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -196,9 +196,10 @@ def test_clipping() -> None:
             at = [called("varying")(smooth, p1, p2) for _, _, p1, p2 in weights]
             linear = [called("varying")(straight, b1, b2) for b1, b2, _, _ in weights]
             corners = [[F(part) for part in corner[:4]] for corner in polygon]
-            fans = [(0, k, k + 1) for k in range(1, len(polygon) - 1)]
-            pieces = [Piece.of(number, *([column[k] for k in fan] for column in (corners, at, linear)), first)
-                      for fan in fans]  # fmt: skip
+            places = [called("window")(corner, SCREEN.viewport)[:2] for corner in corners]
+            ring = called("convex")([tuple(map(called("snapped"), place)) for place in places])
+            pieces = [Piece.of(number, *([part[k] for k in (ring[0], *two)] for part in (corners, at, linear)), first)
+                      for two in pairwise(ring[1:])]  # fmt: skip
         drawn |= {piece.corners for piece in pieces}
         rows += [row for piece in pieces for row in fragments_of(piece, "depth32float_stencil8")]
     assert (crossed > 0).all() and len(rows) > 2000

@@ -270,3 +270,16 @@ def test_of_records(array, sentence):
 def test_the_codes_are_those_that_are_written_down():
     codes = (SKIP, EMIT, EMIT_AND_END)
     assert codes == (0, 1, 2) and {type(code) for code in codes} == {np.int32}
+
+
+@pytest.mark.parametrize("code", [3, -1, 7, 2**31 - 1])
+def test_emissions_that_mean_nothing(code):
+    table = np.zeros((4, MOST), np.int32)
+    table[2, 5] = code
+    buffer, out, counters, codes = seeds(4), VertexBuffer(Record, 40), Counters(), Codes(table)
+    with pytest.raises(InputError, match=r"returned 1 emissions that are neither SKIP \(0\) nor EMIT \(1\) nor"):
+        draw(POINTS, vertices=buffer, stream_output=out, counters=counters, uniforms=codes)
+    assert out.rows == out.overflowed == 0 and not dict(counters)
+    table[2, 5] = EMIT_AND_END
+    draw(POINTS, vertices=buffer, stream_output=out, counters=counters, uniforms=codes)
+    assert out.rows == 1

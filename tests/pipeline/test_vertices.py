@@ -152,7 +152,7 @@ COLUMNS = {"x": np.zeros(3), "pair": np.zeros((3, 2))}
 BUFFERS = [
     ("control", COLUMNS, None),
     ("a field missing", {"x": np.zeros(3)}, "'pair' is missing"),
-    ("an unknown field", {**COLUMNS, "z": np.zeros(3)}, "'z' is missing or unknown"),
+    ("an unknown field", {**COLUMNS, "z": np.zeros(3)}, "'z' is unknown; there are"),
     ("two lengths", {"x": np.zeros(3), "pair": np.zeros((2, 2))}, r"differ in length: \[2, 3\]"),
     ("too few components", {"x": np.zeros(3), "pair": np.zeros(3)}, "'pair' needs 2 components"),
     ("too many components", {"x": np.zeros((3, 2)), "pair": np.zeros((3, 2))}, "'x' needs 1 components"),

@@ -4,6 +4,7 @@ Plan
 - Lists and strips, indexed or not, in several instances: the raster tap has a row for every triangle that is drawn, in
   submission order. Its corners are the snapped positions of the vertices it names (rows of the vertex tap), clockwise
   on the screen with the first first; its box holds every pixel that they cover; front, depth at the corners likewise.
+  The vertex tap knows the row of the buffers and the instance of each invocation; restarts of a strip are none.
 - The fragment tap names the same vertices: what its shader returned of flat varyings is the first one's. What the
   targets held after a fragment is what the last one at the pixel left.
 - Pieces of a clipped triangle share its number, its vertices and its facing; as many as are counted.
@@ -61,6 +62,8 @@ def test_rows_are_the_vertices_they_name(pipe, indexed):
     tapped(pipe, position, taps, indices=indices, instances=3, **columns)
     vertex, rows, fragments = taps.vertex[0], taps.raster[0], taps.fragment[0]
     np.testing.assert_array_equal(vertex.position, position[np.tile(stream, 3)])
+    np.testing.assert_array_equal(vertex.vertex_index, np.tile(stream, 3))
+    np.testing.assert_array_equal(vertex.instance_index, np.repeat(np.arange(3), len(stream)))
     per_instance = raster.list_triangles(len(stream)) if pipe is LIST else raster.strip_triangles(len(stream))
     named = np.concatenate([per_instance + k * len(stream) for k in range(3)])
     np.testing.assert_array_equal(rows.vertices, named[rows.primitive])
@@ -91,6 +94,16 @@ def test_rows_are_the_vertices_they_name(pipe, indexed):
     first = fragments.vertices[:, 0]
     np.testing.assert_array_equal(fragments.outputs["id"], vertex.varyings["id"][first])
     np.testing.assert_array_equal(fragments.outputs["values"][:, 2], vertex.varyings["first"][first])
+
+
+def test_restarts_are_no_vertices():
+    position, columns = some_vertices(4)
+    stream = np.array([0xFFFF, 3, 9, 4, 1, 0xFFFF, 0xFFFF, 7, 7, 30, 0xFFFF], np.uint16)
+    taps = Taps("vertex")
+    tapped(STRIP, position, taps, indices=stream, instances=2, **columns)
+    assert taps.vertex[0].vertex_index.tolist() == [3, 9, 4, 1, 7, 7, 30] * 2
+    assert taps.vertex[0].instance_index.tolist() == [0] * 7 + [1] * 7
+    assert (taps.vertex[0].vertex_index.dtype, taps.vertex[0].instance_index.dtype) == (np.int64, np.int64)
 
 
 def test_stored_is_what_the_last_fragment_left():

@@ -56,9 +56,11 @@ STATES = [
     ("biased quads", LIST, {"topology": "quad-list", "depth_stencil": with_depth(depth_bias_clamp=0.5)},
      {"depth_stencil": with_depth(depth_bias_clamp=0.5)}, "depth_bias is for triangles; quad-list"),
     ("bias of no number", LIST, {"depth_stencil": with_depth(depth_bias_slope_scale=NAN)},
-     {"depth_stencil": with_depth(depth_bias_slope_scale=1.5)}, "must be finite numbers"),
+     {"depth_stencil": with_depth(depth_bias_slope_scale=1.5)}, "must be finite float32s"),
+    ("a slope that float32 does not hold", LIST, {"depth_stencil": with_depth(depth_bias_slope_scale=1e39)},
+     {"depth_stencil": with_depth(depth_bias_slope_scale=3e38)}, "must be finite float32s"),
     ("clamp without end", LIST, {"depth_stencil": with_depth(depth_bias_clamp=float("inf"))},
-     {"depth_stencil": with_depth(depth_bias_clamp=-1.0)}, "must be finite numbers"),
+     {"depth_stencil": with_depth(depth_bias_clamp=-1.0)}, "must be finite float32s"),
     ("half a step", LIST, {"depth_stencil": with_depth(depth_bias=0.5)}, {"depth_stencil": with_depth(depth_bias=-5)},
      "depth_bias counts steps"),
     ("too many steps", LIST, {"depth_stencil": with_depth(depth_bias=2**31)},
@@ -125,5 +127,5 @@ def test_without_a_fragment_stage_there_is_depth_and_no_colour():
     counters.check()
     written = target.depth == 0.5
     assert written.sum() == counters["fragment.written"] == counters["raster.fragments"] == 28
-    with pytest.raises(InputError, match="fragment output and colour target 'values' do not agree"):
+    with pytest.raises(InputError, match="colour target 'values' is no fragment output; there are none"):
         draw(depth_only, vertices=corners(), framebuffer=Framebuffer(8, 8, TARGETS), counters=counters)
