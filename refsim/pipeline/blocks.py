@@ -65,8 +65,8 @@ def cover(tests, values, packet, rect, lanes, edged, inside, edges):
             passes = (x >= ax) & (x < bx) & (y >= ay) & (y < by) & (I(i) < I(lanes))
             if edged:
                 passes = passes & inside(edges, x, y)
-                covered = I(covered + (ON if passes else OFF))
             if tests.stencil_mode == STENCIL_MASK:
+                covered = I(covered + (ON if passes else OFF))
                 passes = passes & stencil_passes(
                     tests.stencil, packet.stencil[i], values.reference, values.read_mask
                 )
@@ -74,7 +74,7 @@ def cover(tests, values, packet, rect, lanes, edged, inside, edges):
             in_block = I(in_block + (ON if passes else OFF))
         packet.block_alive[U(block)] = in_block
         left += in_block
-        all_covered += covered
+        all_covered += covered if tests.stencil_mode == STENCIL_MASK else in_block
     return all_covered, left
 
 

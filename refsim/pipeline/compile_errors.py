@@ -38,7 +38,7 @@ _TAKES = {
 _RETURNS = {
     "vertex": "(position, point_size, varyings), the position a vec4",
     "geometry": "a tuple of max_vertices entries (emission, position, point_size, varyings)",
-    "fragment": "(keep, depth, outputs)",
+    "fragment": "(keep, depth, outputs), every output of its field's components",
 }
 # numba's spelling → what the person who wrote the shader knows
 _PLAIN = (

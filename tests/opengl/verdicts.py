@@ -20,7 +20,11 @@ def note(room: str, **counts: int) -> None:
 
 
 def same(room: str, what: str, ours: Any, theirs: Any) -> None:
-    """Asserts equal values (float32 −0 equals 0; NaN equals NaN)."""
+    """Asserts equal bits: −0 is not 0. Only what is no number may be so in other bits, which OpenGL leaves open."""
+    ours, theirs = np.asarray(ours), np.asarray(theirs)
+    if ours.dtype == theirs.dtype == np.float32 and ours.shape == theirs.shape:
+        signs = (np.signbit(ours) != np.signbit(theirs)) & ~np.isnan(ours)
+        assert not signs.any(), f"{what}: {int(signs.sum())} of {signs.size} values differ in sign, zeros perhaps"
     within(room, what, ours, theirs, 0)
 
 
