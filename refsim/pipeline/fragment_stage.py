@@ -27,9 +27,13 @@ LIST_BELOW = (16.0, 48.0)
 Loop = Literal["auto", "dense", "list"]
 
 
-def _bin_shape(mean_area: float, framebuffer: Framebuffer, threads: int, smallest: int) -> tuple[int, int]:
-    """log2 of a bin's width and height: about a primitive's size, and enough bins for the threads."""
-    log2 = int(np.clip(np.rint(np.log2(max(mean_area, 1.0)) / 2), 3, 5))
+def _bin_shape(
+    mean_area: float, framebuffer: Framebuffer, threads: int, smallest: int, triangles: bool
+) -> tuple[int, int]:
+    """log2 of a bin's width and height: about a primitive's size, and enough bins for the threads; smaller for large
+    triangles, as a bin on an edge is asked pixel by pixel."""
+    log2 = np.log2(max(mean_area, 1.0)) / 2
+    log2 = int(np.clip(np.rint(log2 - 1.5), 4, 5) if triangles else np.clip(np.rint(log2), 3, 5))
     while log2 > smallest and -(-framebuffer.width >> log2) * -(-framebuffer.height >> log2) < 4 * threads:
         log2 -= 1
     return log2, log2
@@ -63,7 +67,7 @@ def run_fragments(
     # A pass over few pixels that all are written (nothing to probe) is listed too: packets would shade their dead lanes
     few = not program.tests.probe and area * len(survivors) < FEW_FRAGMENTS * threads
     listed = loop == "list" or (loop == "auto" and (area < LIST_BELOW[program.triangles] or few))
-    shape = _bin_shape(area, framebuffer, threads, 2 if listed else 3)
+    shape = _bin_shape(area, framebuffer, threads, 2 if listed else 3, program.triangles)
     bins_x = -(-framebuffer.width // (1 << shape[0]))
     bins = bins_x * -(-framebuffer.height // (1 << shape[1]))
     start = np.empty(bins + 2, np.int64)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 ROUND_PRIMITIVES = 2**19
 SMALLEST_SLICE = 2**13
 KEPT_BYTES = 2**27
+LINE = 16  # words of a cache line
 
 _spare: list[Scratch] = []
 
@@ -63,14 +64,21 @@ class Round:
         self._scratch = scratch
         slices = -(-count // size)
         total = slices * rows
-        edged = total if program.triangles else 0
-        self.rect = scratch.array("rect", (total, 4), np.int32)
         self.depth = scratch.array("depth", (total,), np.float32)
         self.source = scratch.array("source", (total,), np.int64)
-        self.floats = scratch.array("floats", (total, program.spread.floats), np.float32)
-        self.ints = scratch.array("ints", (total, program.spread.ints), np.int32)
-        self.corner = scratch.array("corner", (edged, CORNER_COLUMNS), np.int32)
-        self.plane = scratch.array("plane", (edged, PLANE_COLUMNS), np.float32)
+        widths: tuple[int, ...] = (4, program.spread.floats, program.spread.ints)
+        if program.triangles:
+            # A bin takes triangles from here and there: all of one lies together, or every part would be a cache miss
+            widths += (CORNER_COLUMNS, PLANE_COLUMNS)
+            words = scratch.array("triangles", (total, -(-sum(widths) // LINE) * LINE), np.int32)
+            parts = np.split(words, np.cumsum(widths), axis=1)
+            self.rect, self.ints, self.corner = parts[0], parts[2], parts[3]
+            self.floats, self.plane = parts[1].view(np.float32), parts[4].view(np.float32)
+        else:
+            self.rect = scratch.array("rect", (total, 4), np.int32)
+            self.floats = scratch.array("floats", (total, widths[1]), np.float32)
+            self.ints = scratch.array("ints", (total, widths[2]), np.int32)
+            self.corner, self.plane = np.empty((0, CORNER_COLUMNS), np.int32), np.empty((0, PLANE_COLUMNS), np.float32)
         self.became = scratch.array("became", (count,), np.int8)
         self.fates = np.zeros((slices, 8), np.int64)
 
