@@ -18,7 +18,6 @@ from refsim.pipeline.viewport import LEAST_W
 D = np.float64
 U = np.uintp
 D0 = np.float64(0)
-D1 = np.float64(1)
 PLANES = 7
 MOST_CORNERS = 3 + PLANES
 CORNER = 7  # x, y, z, w and the three weights

@@ -13,8 +13,6 @@ from refsim.jit import func
 from refsim.pipeline.enums import DepthStencilFormat
 
 F = np.float32
-F0 = np.float32(0)
-F1 = np.float32(1)
 HALF = np.float64(0.5)
 UNORM24 = np.float64(2**24 - 1)
 

@@ -18,7 +18,6 @@ from refsim.jit import func
 D = np.float64
 F = np.float32
 I = np.int32  # noqa: E741
-U = np.uintp
 F1 = np.float32(1)
 D0 = np.float64(0)
 D1 = np.float64(1)

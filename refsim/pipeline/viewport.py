@@ -13,8 +13,6 @@ import numpy as np
 
 from refsim.jit import func
 
-F0 = np.float32(0)
-F1 = np.float32(1)
 SUBPIXEL_BITS = 8
 SUBPIXELS = np.float32(2**SUBPIXEL_BITS)
 REACH = 2**15 - 1  # pixels that a vertex may lie away from the origin; the guard band
