@@ -36,8 +36,9 @@ Kernels must be called with (nested) tuples of arrays and scalars: an argument o
 :mod:`~refsim.jit.options`. Clones unused for a month are removed (:mod:`~refsim.jit.disk`).
 """
 
+from refsim.jit.borrowed import borrowed
 from refsim.jit.clones import specialise
 from refsim.jit.fingerprint import DependencyError
 from refsim.jit.options import func
 
-__all__ = ["DependencyError", "func", "specialise"]
+__all__ = ["DependencyError", "borrowed", "func", "specialise"]

@@ -12,7 +12,7 @@ Known kinds
     - classes: module, name, bases, annotations (nested classes included), plain class attributes; of a NamedTuple the
       fields and defaults. Methods are left out: compiled code cannot call them;
     - modules, where the byte code says ``module.attribute``: the attributes used, followed to their values;
-    - whatever numpy, numba, math, cmath, operator and builtins define: by name, their versions being part of the hash.
+    - whatever numpy, numba, math, cmath, operator and builtins define, and `borrowed`: by name, versions being hashed.
 
 Since a walk costs about a millisecond, it also notes every place it looked at. While none of them holds another object
 the fingerprint still stands, and :func:`unchanged` says so at little cost. Classes are taken to be immutable
@@ -34,6 +34,7 @@ import numpy as np
 from numba.core.registry import CPUDispatcher
 
 from refsim.errors import InputError
+from refsim.jit.borrowed import borrowed
 from refsim.jit.names import SCALARS, Chains, names_of, spell
 from refsim.jit.options import options_of, spell_options
 
@@ -41,7 +42,6 @@ TRUSTED = frozenset({"builtins", "cmath", "llvmlite", "math", "numba", "numpy", 
 CONFIGURATION = ("OPT", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "ENABLE_AVX",
                  "DISABLE_INTEL_SVML", "USING_SVML", "NRT_STATS", "ENABLE_PROFILING", "DISABLE_JIT")
 MISSING = object()
-
 
 # the CPU's name and features are in numba's own index key
 _VERSIONS = (sys.implementation.cache_tag or "", sys.version, numba.__version__, llvmlite.__version__, np.__version__)
@@ -184,8 +184,8 @@ class _Walk:
         kind = type(x)
         if kind in SCALARS:
             return self.put(spell(x))
-        if x is MISSING:
-            return self.put("missing")
+        if x is MISSING or x is borrowed:
+            return self.put("missing" if x is MISSING else "borrowed")
         if is_trusted(x):
             return self.put("trusted", kind.__name__, getattr(x, "__module__", None) or "", x.__name__)
         if isinstance(x, type) or is_device(x):

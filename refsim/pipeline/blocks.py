@@ -37,6 +37,10 @@ def list_lanes(tests, values, packet, stencil_plane, origin, size, fixed):
             if fixed:
                 takes = stencil_passes(tests.stencil, value, values.reference, values.read_mask)
             lanes += np.int64(takes)
+    # The rest of the last block is shaded too, and thrown away: its pixel must be one of the framebuffer
+    for j in range(lanes, (lanes + BLOCK - 1) // BLOCK * BLOCK):
+        packet.x[U(j)] = I(0)
+        packet.y[U(j)] = I(0)
     return lanes
 
 

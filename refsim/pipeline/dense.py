@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from refsim.jit import borrowed
 from refsim.pipeline.blocks import commit, cover, list_lanes, probe
 from refsim.pipeline.fragment import COUNTS, STENCIL_MASK, STENCIL_OFF, TestValues, add_fates
 from refsim.pipeline.packet import (
@@ -36,8 +37,8 @@ def dense_bins(
     of its height); `input_…` planes of the input attachments;
     `target` = (floats [k, h, w], ints [k, h, w], depth, stencil, invocations); `counts` i64[COUNTS] is added to.
     """
-    u = rebuild_uniforms(uniforms)
-    t = rebuild_textures(textures)
+    u = rebuild_uniforms(borrowed(uniforms))
+    t = rebuild_textures(borrowed(textures))
     values = TestValues(test_values[0], test_values[1], test_values[2], test_values[3], test_values[4])
     rect, _, _, _, corner, _ = primitives
     start, items, first_bin, last_bin, bins_x = bins

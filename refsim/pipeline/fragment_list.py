@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from refsim.jit import func
+from refsim.jit import borrowed, func
 from refsim.pipeline.fragment import (
     COUNTS,
     DEPTH_FAILED,
@@ -68,8 +68,8 @@ def listed_bins(
     [k, m], what the targets hold after it: floats, ints); bin b's fragments are written from offset[b] on. Without TAP
     it is not touched.
     """
-    u = rebuild_uniforms(uniforms)
-    t = rebuild_textures(textures)
+    u = rebuild_uniforms(borrowed(uniforms))
+    t = rebuild_textures(borrowed(textures))
     values = TestValues(test_values[0], test_values[1], test_values[2], test_values[3], test_values[4])
     rect, _, _, _, corner, _ = primitives
     start, items, first_bin, last_bin, bins_x = bins

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from refsim.jit import func
+from refsim.jit import borrowed, func
 from refsim.pipeline.enums import PrimitiveTopology
 from refsim.pipeline.layout import Layout, device_function
 from refsim.pipeline.state import GeometryState, Pipeline
@@ -36,8 +36,9 @@ def amplify(
     `totals` i64[3] receives the numbers of vertices, of primitives and of emissions that mean nothing. There is room
     for every entry (c).
     """
-    u = rebuild_uniforms(uniforms)
-    t = rebuild_textures(textures)
+    u = rebuild_uniforms(borrowed(uniforms))
+    t = rebuild_textures(borrowed(textures))
+    buffers = borrowed(buffers)
     rows, made, wrong = np.int64(0), np.int64(0), np.int64(0)
     done = np.int64(0)
     while done < count:

@@ -26,6 +26,12 @@ class Texture(NamedTuple):
     data: np.ndarray
 
 
+class Texture3D(NamedTuple):
+    """Texels ``[height, width, depth, component]``: those of one (x, y) lie together, whatever their depth slice."""
+
+    data: np.ndarray
+
+
 @func
 def texel1(texture: Any, x: Any, y: Any) -> Any:
     """Component 0 at pixel (x, y)."""
@@ -42,6 +48,13 @@ def texel3(texture: Any, x: Any, y: Any) -> Any:
 def texel4(texture: Any, x: Any, y: Any) -> Any:
     """Components 0–3 at pixel (x, y)."""
     return texture.data[0, y, x], texture.data[1, y, x], texture.data[2, y, x], texture.data[3, y, x]
+
+
+@func
+def slice4(texture: Any, x: Any, y: Any, z: Any) -> Any:
+    """Components 0–3 of a `Texture3D` at (x, y) in depth slice z."""
+    t = texture.data
+    return t[y, x, z, 0], t[y, x, z, 1], t[y, x, z, 2], t[y, x, z, 3]
 
 
 class Framebuffer:

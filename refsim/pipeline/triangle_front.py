@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from refsim.jit import func
+from refsim.jit import borrowed, func
 from refsim.pipeline.clip import CORNER, MOST_CORNERS, clip_polygon, convex_ring, whole_ring
 from refsim.pipeline.raster import CLIPPED, CULLED, DRAWN, EMPTY
 from refsim.pipeline.triangle import bias_of, doubled_area
@@ -141,8 +141,8 @@ def triangle_front(
     plane f32[c, 7], became i8[count], the fate of every triangle); `fates` i64[8]: rows needed, triangles clipped,
     empty, 0, pixels in bounding boxes, triangles culled, drawn, pieces of clipped triangles that are drawn.
     """
-    u = rebuild_uniforms(uniforms)
-    t = rebuild_textures(textures)
+    u = rebuild_uniforms(borrowed(uniforms))
+    t = rebuild_textures(borrowed(textures))
     rect, _, source, VF, VI, corner, plane, became = columns
     position = np.empty((4, BLOCK * 3), np.float32)
     corners = np.empty((MOST_CORNERS, 4), np.float32)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from refsim.jit import borrowed
 from refsim.pipeline.layout import Layout, device_function
 from refsim.pipeline.raster import CLIPPED, CROOKED, DRAWN, EMPTY, rasterise_points, rasterise_quads
 from refsim.pipeline.state import VertexBufferLayout, VertexStepMode
@@ -31,8 +32,8 @@ def front_end(
     drawn again.
     """
     rect, depth, source, VF, VI, _, _, became = columns
-    u = rebuild_uniforms(uniforms)
-    t = rebuild_textures(textures)
+    u = rebuild_uniforms(borrowed(uniforms))
+    t = rebuild_textures(borrowed(textures))
     position = np.empty((4, BLOCK * CORNERS), np.float32)
     size = np.empty(BLOCK * CORNERS, np.float32)
     block_rect = np.empty((4, BLOCK), np.int32)
@@ -89,8 +90,8 @@ def front_end(
 
 def positions(uniforms, textures, buffers, indices, n_vertices, first, count, position, size, VF, VI):
     """The vertex tap: positions, sizes and varyings of invocations [first, first + count), in order."""
-    u = rebuild_uniforms(uniforms)
-    t = rebuild_textures(textures)
+    u = rebuild_uniforms(borrowed(uniforms))
+    t = rebuild_textures(borrowed(textures))
     for j in range(count):
         instance = (first + j) // n_vertices
         vertex = U(first + j - instance * n_vertices)

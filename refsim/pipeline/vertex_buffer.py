@@ -15,9 +15,11 @@ import numpy as np
 from refsim.errors import InputError
 from refsim.pipeline.layout import Field, Layout
 
+PAGE, LINE = 1024, 16  # in places of four bytes
+
 
 class VertexBuffer:
-    """Columns of vertices: `floats` f32[k, capacity], `ints` i32[k, capacity], of which `count` vertices are filled.
+    """Columns of vertices: `floats` f32[k, c], `ints` i32[k, c], c ≥ capacity, of which `count` vertices are filled.
 
     `attributes` is the NamedTuple class whose fields are the columns. `rows` is `count` as the pipeline sees it,
     without a read-back. `overflowed` counts the primitives that captures left out for want of room, `read_backs` how
@@ -28,8 +30,8 @@ class VertexBuffer:
         layout = Layout.of(attributes)
         self.attributes = attributes
         self.capacity = int(capacity)
-        self.floats = np.zeros((layout.floats, self.capacity), np.float32)
-        self.ints = np.zeros((layout.ints, self.capacity), np.int32)
+        self.floats = np.zeros((layout.floats, _pitch(self.capacity)), np.float32)
+        self.ints = np.zeros((layout.ints, _pitch(self.capacity)), np.int32)
         self.rows = 0
         self.overflowed = 0
         self.read_backs = 0
@@ -80,7 +82,7 @@ class VertexBuffer:
             if values.size != count * field.size or math.prod(values.shape[1:]) != field.size:
                 raise InputError(f"{what}: {name!r} needs {field.size} components a row, not the shape {values.shape}.")
             planes = buffer.floats if field.kind == "f" else buffer.ints
-            planes[field.first : field.first + field.size] = values.reshape(count, field.size).T
+            planes[field.first : field.first + field.size, :count] = values.reshape(count, field.size).T
         return buffer
 
     def records(self) -> np.ndarray:
@@ -100,6 +102,11 @@ class VertexBuffer:
             got = f"{array.dtype} of shape {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
             raise InputError(f"records of {attributes.__name__} are a row of {wanted}, not {got}.")
         return cls.of(attributes, **{name: array[name] for name in wanted.names or ()})
+
+
+def _pitch(capacity: int) -> int:
+    """Places from one column to the next: not a multiple of a page, or a vertex's columns would share a cache set."""
+    return capacity if capacity < PAGE else -(-capacity // PAGE) * PAGE + LINE
 
 
 def _rows(what: str, field: Field, column: Any) -> np.ndarray:
