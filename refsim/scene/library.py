@@ -1,9 +1,10 @@
 """The library: scenes that the program makes itself, by name, pure NumPy and the same on every machine.
 
-``torus_knot``, ``sphere`` and ``blob`` take a size: ``torus_knot_5000`` has exactly 5,000 triangles. A size is
-2 * rows * columns of a grid of quads. Of all factorisations the one whose rows : columns comes closest to the body's
-ideal is taken (8 for the knot, 2 for sphere and blob); a size that has none within a factor of 8 is refused, and the
-nearest sizes that have one are named. Of two factorisations equally close the one with more rows is taken.
+``torus_knot``, ``sphere``, ``blob`` and ``knot_on_ground`` take a size: ``torus_knot_5000`` has exactly 5,000
+triangles, and so has ``knot_on_ground_5000``, two of which are the ground. A size is 2 * rows * columns of a grid of
+quads, besides the ground. Of all factorisations the one whose rows : columns comes closest to the body's ideal is taken
+(8 for the knot, 2 for sphere and blob); a size that has none within a factor of 8 is refused, and the nearest sizes
+that have one are named. Of two factorisations equally close the one with more rows is taken.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ import numpy as np
 
 from refsim.errors import InputError
 from refsim.scene import shapes
+from refsim.scene.animation import KNIGHT_TRIANGLES, knight_in_box
 from refsim.scene.light import PointLight
 from refsim.scene.material import GLASS, MIRROR, Material
 from refsim.scene.mesh import Scene
+from refsim.scene.stages import SILK, on_ground
 
 __all__ = ["LIBRARY", "grid_of", "library_scene"]
 
@@ -37,12 +40,13 @@ GROUND = Material("ground", "diffuse", (0.55, 0.55, 0.5))
 @dataclass(frozen=True)
 class Entry:
     """A library scene: its maker, its size without a number in the name, and, if it has sizes,
-    the ideal rows : columns of its grid and the fewest columns."""
+    the ideal rows : columns of its grid, the fewest columns, and the triangles besides the grid."""
 
     make: Callable[..., Scene]
     triangles: int
     ideal: int | None = None
     least: int = 1
+    besides: int = 0
 
 
 def library_scene(name: str) -> Scene | None:
@@ -59,26 +63,28 @@ def library_scene(name: str) -> Scene | None:
     if entry.ideal is None:
         return entry.make(name)
     assert size is not None
-    return entry.make(name, *grid_of(name, size, entry.ideal, entry.least))
+    return entry.make(name, *grid_of(name, size, entry.ideal, entry.least, entry.besides))
 
 
-def grid_of(name: str, triangles: int, ideal: int, least: int = 1) -> tuple[int, int]:
-    """Rows and columns of a grid of ``triangles``: 2 * rows * columns, with rows : columns closest to ``ideal``.
+def grid_of(name: str, triangles: int, ideal: int, least: int = 1, besides: int = 0) -> tuple[int, int]:
+    """Rows and columns of a grid of ``triangles`` but ``besides``: 2 * rows * columns of them.
 
-    rows >= 3, columns >= ``least``. ``InputError`` when there are none.
+    rows : columns is closest to ``ideal``, rows >= 3, columns >= ``least``. ``InputError`` when there are none.
     """
-    smallest = 6 * least
+    smallest = 6 * least + besides
     if not smallest <= triangles <= LARGEST:
         raise InputError(
             f"scene {name!r} asks for {triangles} triangles; sizes from {smallest} to {LARGEST} are possible"
         )
-    grid = _best_grid(triangles, ideal, least)
+    grid = _best_grid(triangles - besides, ideal, least)
     if grid is None:
         window = range(max(triangles - 64, smallest), min(triangles + 64, LARGEST) + 1)
-        near = sorted((n for n in window if _best_grid(n, ideal, least)), key=lambda n: abs(n - triangles))[:2]
+        possible = (n for n in window if _best_grid(n - besides, ideal, least))
+        near = sorted(possible, key=lambda n: abs(n - triangles))[:2]
         raise InputError(
             f"scene {name!r} cannot have {triangles} triangles, which is not 2 x rows x columns of a "
-            f"sound grid; the nearest sizes are {' and '.join(map(str, sorted(near)))}"
+            f"sound grid{f' and {besides}' if besides else ''}; "
+            f"the nearest sizes are {' and '.join(map(str, sorted(near)))}"
         )
     return grid
 
@@ -114,6 +120,11 @@ def _knot(name: str, segments: int, radial: int) -> Scene:
     return _assemble(name, [(shapes.torus_knot(segments, radial), GLASS)], (PointLight((3.0, 4.0, 5.0)),))
 
 
+def _knot_on_ground(name: str, segments: int, radial: int) -> Scene:
+    body = _assemble(name, [(shapes.torus_knot(segments, radial), SILK)])
+    return on_ground(body, gap=0.05)
+
+
 def _sphere(name: str, segments: int, bands: int) -> Scene:
     return _assemble(name, [(shapes.sphere(segments, bands), GLASS)], (PointLight((3.0, 4.0, 5.0)),))
 
@@ -123,14 +134,8 @@ def _blob(name: str, segments: int, bands: int) -> Scene:
 
 
 def _walls() -> list[tuple[shapes.Mesh, Material]]:
-    # Five walls of the cube [-1, 1]^3, fronts inward, open towards +z where the default camera stands.
-    corner = [np.array([k & 1, k >> 1 & 1, k >> 2 & 1]) * 2.0 - 1.0 for k in range(8)]
-    sides = {"left": 0, "right": 1, "floor": 2, "ceiling": 3, "back": 4}
     colors = {"left": RED, "right": GREEN}
-    return [
-        (shapes.quad(*(corner[k] for k in shapes.BOX_SIDES[side][::-1])), colors.get(wall, WHITE))
-        for wall, side in sides.items()
-    ]
+    return [(mesh, colors.get(wall, WHITE)) for wall, mesh in shapes.open_cube()]
 
 
 def _cornell(name: str) -> Scene:
@@ -164,6 +169,10 @@ def _cubes(name: str) -> Scene:
     return _assemble(name, [*parts, (ground, GROUND)], (PointLight((6.0, 10.0, 8.0)),))
 
 
+def _knight(name: str) -> Scene:
+    return knight_in_box(name=name)
+
+
 LIBRARY: dict[str, Entry] = {
     "cornell_box": Entry(_cornell, 36),
     "torus_knot": Entry(_knot, 1024, ideal=8, least=3),
@@ -171,4 +180,6 @@ LIBRARY: dict[str, Entry] = {
     "cubes": Entry(_cubes, 222),
     "sphere": Entry(_sphere, 896, ideal=2),
     "blob": Entry(_blob, 1000, ideal=2),
+    "knot_on_ground": Entry(_knot_on_ground, 1026, ideal=8, least=3, besides=2),
+    "knight_in_box": Entry(_knight, KNIGHT_TRIANGLES),
 }

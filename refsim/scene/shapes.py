@@ -11,7 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["blob", "box", "joined_cubes", "quad", "sphere", "torus_knot"]
+__all__ = ["blob", "box", "joined_cubes", "open_cube", "quad", "sphere", "torus", "torus_knot"]
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 
@@ -31,6 +31,14 @@ def box(center: Iterable[float], size: Iterable[float], turn: float = 0.0) -> Me
     cosine, sine = math.cos(turn), math.sin(turn)
     rotation = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
     return corners @ rotation.T + tuple(center), _fans(BOX_SIDES)
+
+
+def open_cube() -> list[tuple[str, Mesh]]:
+    """Five walls of the cube [-1, 1]^3 by name, two triangles each, fronts inward: open towards +z, where the default
+    camera stands."""
+    corner = [np.array([k & 1, k >> 1 & 1, k >> 2 & 1]) * 2.0 - 1.0 for k in range(8)]
+    sides = {"left": 0, "right": 1, "floor": 2, "ceiling": 3, "back": 4}
+    return [(wall, quad(*(corner[k] for k in BOX_SIDES[side][::-1]))) for wall, side in sides.items()]
 
 
 def joined_cubes(cells: Iterable[tuple[int, int, int]]) -> Mesh:
@@ -68,6 +76,15 @@ def blob(segments: int, bands: int) -> Mesh:
     return direction * radius[:, None], faces
 
 
+def torus(segments: int, radial: int, radius: float, tube: float) -> Mesh:
+    """A ring about the y axis, a tube of ``radial`` sides: 2 * segments * radial triangles."""
+    around, along = np.arange(segments) * (math.tau / segments), np.arange(radial) * (math.tau / radial)
+    reach = radius + tube * np.cos(along)
+    x, z = np.sin(around)[:, None] * reach, np.cos(around)[:, None] * reach
+    y = np.broadcast_to(tube * np.sin(along), x.shape)
+    return np.stack([x, y, z], axis=-1).reshape(-1, 3), _rolled_up(segments, radial)
+
+
 def torus_knot(segments: int, radial: int, radius: float = 1.0, tube: float = 0.4, p: int = 2, q: int = 3) -> Mesh:
     """The (p, q) torus knot as in three.js TorusKnotGeometry: 2 * segments * radial triangles.
 
@@ -82,18 +99,22 @@ def torus_knot(segments: int, radial: int, radius: float = 1.0, tube: float = 0.
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     v = np.arange(radial) / radial * math.tau
     circle = -tube * np.cos(v)[None, :, None] * normal[:, None] + tube * np.sin(v)[None, :, None] * binormal[:, None]
-    i, j = np.meshgrid(np.arange(segments), np.arange(radial), indexing="ij")
-    a, b = i * radial + j, (i + 1) % segments * radial + j
-    next_j = (j + 1) % radial
-    c, d = (i + 1) % segments * radial + next_j, i * radial + next_j
-    faces = np.stack([np.stack([a, b, d], axis=-1), np.stack([b, c, d], axis=-1)], axis=2)
-    return (here[:, None] + circle).reshape(-1, 3), faces.reshape(-1, 3)
+    return (here[:, None] + circle).reshape(-1, 3), _rolled_up(segments, radial)
 
 
 def _knot_line(u: NDArray[np.float64], radius: float, p: int, q: int) -> NDArray[np.float64]:
     around = q / p * u
     reach = radius * (2.0 + np.cos(around)) * 0.5
     return np.stack([reach * np.cos(u), reach * np.sin(u), radius * np.sin(around) * 0.5], axis=1)
+
+
+def _rolled_up(segments: int, radial: int) -> NDArray[np.int64]:
+    # Quads between neighbours of a grid of vertices whose rows and columns both run round.
+    i, j = np.meshgrid(np.arange(segments), np.arange(radial), indexing="ij")
+    a, b = i * radial + j, (i + 1) % segments * radial + j
+    next_j = (j + 1) % radial
+    c, d = (i + 1) % segments * radial + next_j, i * radial + next_j
+    return np.stack([np.stack([a, b, d], axis=-1), np.stack([b, c, d], axis=-1)], axis=2).reshape(-1, 3)
 
 
 def _globe(segments: int, polar: NDArray[np.floating], turn: float = 0.0) -> Mesh:

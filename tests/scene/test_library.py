@@ -5,6 +5,8 @@
 - Bodies enclose a positive volume; sphere and blob are star-shaped, every triangle turned away from the origin.
 - Each ray of the default view at fill 0.55 hits a blob of any size.
 - torus_knot_1024 equals the knot of the shared meshes, and golden numbers that stand for it where they are absent.
+- knot_on_ground is the knot, bit for bit, above a ground that shows the knot's shadow in the default view, and lit
+  parts too.
 - Composition of each scene: triangles, vertices, materials, lights, triangles of zero area.
 """
 
@@ -151,6 +153,31 @@ def test_knot_is_golden() -> None:
     np.testing.assert_allclose(volume(triangles), 7.06991, atol=1e-4)
 
 
+@pytest.mark.parametrize("size", [502, 1026, 5002])
+def test_knot_on_ground_is_the_knot_above_two_triangles(size: int) -> None:
+    scene, knot = load_scene(f"knot_on_ground_{size}"), load_scene(f"torus_knot_{size - 2}")
+    assert scene.triangles[:-2].tobytes() == knot.triangles.tobytes()
+    ground = scene.triangles[-2:]
+    assert len(np.unique(ground[:, :, 1])) == 1 and ground[0, 0, 1] < knot.lower[1] - 8 * scene.epsilon
+    assert (np.cross(ground[:, 1] - ground[:, 0], ground[:, 2] - ground[:, 0])[:, 1] > 0).all()
+    assert [material.rho for material in scene.materials] == [0.25, 0.25]
+
+
+def test_the_default_view_shows_the_shadow_of_the_knot_on_the_ground() -> None:
+    scene = load_scene("knot_on_ground")
+    rays = camera_rays(scene, 48, 48, fill=0.55)
+    eye, direction = rays.origin[0].astype(np.float64), rays.direction.astype(np.float64)
+    on_knot = hit(scene.triangles[:-2], eye, direction)
+    seen = hit(scene.triangles[-2:], eye, direction) & ~on_knot
+    point = eye + direction[seen] * ((scene.lower[1] - eye[1]) / direction[seen, 1])[:, None]
+    light = np.array(scene.lights[0].position)
+    # The ground is the lowest part, so whatever lies on the way from the light lies between.
+    dark = hit(scene.triangles[:-2], light, point - light)
+    assert on_knot.mean() > 0.12 and dark.mean() > 0.15 and (~dark).mean() > 0.3
+    assert (dark.sum() + on_knot.sum()) < 0.5 * len(direction), "the test can fail"
+    assert (light - scene.center) @ (eye - scene.center) > 0, "it lights what is seen"
+
+
 COMPOSITION = {
     # name: triangles, positions, triangles of each material, lights
     "cornell_box": (36, 28, {"white": 6, "red": 2, "green": 2, "lamp": 2, "mirror": 12, "glass": 12}, 1),
@@ -159,6 +186,13 @@ COMPOSITION = {
     "sphere": (896, 450, {"glass": 896}, 1),
     "blob": (1000, 502, {"glass": 1000}, 1),
     "torus_knot": (1024, 512, {"glass": 1024}, 1),
+    "knot_on_ground": (1026, 516, {"silk": 1024, "ground": 2}, 1),
+    "knight_in_box": (
+        646,
+        368,
+        {"wall": 6, "left wall": 2, "right wall": 2, "steel": 388, "cloth": 116, "gold": 132},
+        1,
+    ),
 }
 
 
@@ -213,6 +247,9 @@ REFUSED = {
     "torus_knot_-4": "sizes from 18 to 10000000",
     "torus_knot_16": "sizes from 18 to 10000000",
     "sphere_4": "sizes from 6 to 10000000",
+    "knot_on_ground_18": "sizes from 20 to 10000000",
+    "knot_on_ground_1025": "sound grid and 2; the nearest sizes are",
+    "knight_in_box_198": "always has 646 triangles",
     "blob_10000002": "sizes from 6 to 10000000",
     "blob_99999999999999999999": "sizes from 6 to 10000000",
     "sphere_101": "nearest sizes are",
