@@ -12,79 +12,17 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
 
 import click
 
+from refsim.cli_options import Size, method_options
 from refsim.errors import InputError
 
 CANNOT = 2
 INTERRUPTED = 130
 BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
-
-Command = TypeVar("Command", bound=Callable[..., Any])
-
-
-class Size(click.ParamType):
-    """``256`` or ``320x240``: width and height in pixels. How large is too large is for the camera to say."""
-
-    name = "size"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
-        if isinstance(value, tuple):
-            return value
-        numbers = value.lower().split("x")
-        try:
-            width, height = (int(n) for n in (numbers * 2 if len(numbers) == 1 else numbers))
-        except ValueError:
-            self.fail(f"{value!r} is not a size such as 256 or 320x240", param, ctx)
-        if width < 1 or height < 1:
-            self.fail(f"{value!r} has no pixels; give a size such as 256 or 320x240", param, ctx)
-        return width, height
-
-
-class Vector(click.ParamType):
-    """``x,y,z``."""
-
-    name = "x,y,z"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, float, float]:
-        try:
-            x, y, z = (float(n) for n in value.split(","))
-        except ValueError:
-            self.fail(f"{value!r} is not three numbers x,y,z", param, ctx)
-        return x, y, z
-
-
-# Options handed to the method as they are, if and only if they were given: defaults and checks live with the methods.
-METHOD_OPTIONS = (
-    click.option("--generations", type=int, metavar="N", help="Length of a path, the eye ray included."),
-    click.option("--ior", type=float, metavar="X", help="Index of refraction of glass."),
-    click.option("--material", metavar="NAME", help="glass or mirror, for every triangle."),
-    click.option("--environment", metavar="NAME|FILE", help="What rays that leave see."),
-    click.option("--facing", metavar="WHICH", help="both or front: the sides of a triangle that are hit."),
-    click.option("--shading", metavar="NORMAL", help="geometric or smooth."),
-    click.option("--view", type=Vector(), help="Direction from the scene's centre to the camera."),
-    click.option("--fov", type=float, metavar="DEGREES", help="Vertical field of view."),
-    click.option("--fill", type=float, metavar="X", help="Distance, as a share of that which shows the whole scene."),
-    click.option("--tile-size", type=int, metavar="N", help="Side of a tile of rays, in pixels."),
-    click.option("--submission", metavar="ORDER", help="tile or primitive."),
-    click.option("--early-tests", metavar="POLICY", help="ideal, mesa, none or forced."),
-    click.option("--errata", metavar="WHICH", help="corrected or as_printed."),
-    click.option("--backend", metavar="NAME", help="numba or numpy."),
-    click.option("--threads", type=int, metavar="N", help="Threads to run on."),
-)
-
-
-def method_options(command: Command) -> Command:
-    """Add :data:`METHOD_OPTIONS`, in their order."""
-    for option in reversed(METHOD_OPTIONS):
-        command = option(command)
-    return command
 
 
 as_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
@@ -122,8 +60,8 @@ def commands(ctx: click.Context) -> None:
 def render(method: str, scene: str, size: tuple[int, int], out: Path | None, as_json: bool, **options: object) -> None:
     """Render SCENE with METHOD.
 
-    SCENE is a name that `refsim scenes` lists, or a PLY, OBJ, STL or GLB file. METHOD is ray_engine,
-    hierarchical_ray_engine or brute_force.
+    SCENE is a name that `refsim scenes` lists, or a PLY, OBJ, STL or GLB file. METHOD is geometry_shader,
+    fragment_grid, ray_engine, hierarchical_ray_engine or brute_force.
     """
     from refsim.counters import REGISTRY
     from refsim.image import check_destination, write_png
@@ -187,7 +125,7 @@ def doctor(ctx: click.Context, as_json: bool) -> None:
 
 
 @commands.command()
-@click.argument("topic", type=click.Choice(["hre", "pipeline"]), default="hre", metavar="TOPIC")
+@click.argument("topic", type=click.Choice(["hre", "gsr", "pipeline"]), default="hre", metavar="TOPIC")
 @click.option("--quick", is_flag=True, help="Smaller sizes, in two minutes at most.")
 @click.option("--only", metavar="ID", help="One figure or table.")
 @click.option(
@@ -199,8 +137,8 @@ def doctor(ctx: click.Context, as_json: bool) -> None:
 def reproduce(topic: str, quick: bool, only: str | None, out: Path | None) -> None:
     """Make figures and tables again.
 
-    TOPIC is hre, the paper on the Hierarchical Ray Engine, or pipeline, what a draw does stage by stage. Each figure or
-    table is a picture and the CSV behind it.
+    TOPIC is hre, the paper on the Hierarchical Ray Engine, gsr, the one on ray tracing in the geometry shader, or
+    pipeline, what a draw does stage by stage. Each figure or table is a picture and the CSV behind it.
     """
     from refsim import experiments
     from refsim.progress import progress

@@ -50,6 +50,27 @@ _DECLARED = (
     Counter("cone.tiles_empty", "tiles", "Tiles with no ray to trace, summed over generations."),
     Counter("cone.tiles_bounded", "tiles", "Tiles whose cone can cull, summed over generations."),
     Counter("cone.tiles_unbounded", "tiles", "Tiles whose cone is too wide (82.8 degrees) to cull anything."),
+    Counter("traversal.cells", "cells", "Cells of the grid (nodes of another structure) that rays visited."),
+    Counter("traversal.box_rejections", "rays", "Rays that the scene's bounding box alone rejected."),
+    Counter("geometry.in_finished", "primitives", "Rays shaded in the pass before, which end in the geometry shader."),
+    Counter("geometry.in_eye", "primitives", "Eye rays that reached the geometry shader with their intersection."),
+    Counter("geometry.in_shadow", "primitives", "Shadow rays that reached the geometry shader intersected."),
+    Counter("geometry.in_reflected", "primitives", "Reflected rays that reached the geometry shader intersected."),
+    Counter("geometry.in_refracted", "primitives", "Refracted rays that reached the geometry shader intersected."),
+    Counter("geometry.passed_eye", "primitives", "Eye rays that the geometry shader passed on to be shaded."),
+    Counter("geometry.passed_shadow", "primitives", "Shadow rays that the geometry shader passed on."),
+    Counter("geometry.passed_reflected", "primitives", "Reflected rays that the geometry shader passed on."),
+    Counter("geometry.passed_refracted", "primitives", "Refracted rays that the geometry shader passed on."),
+    Counter("geometry.spawned_shadow", "primitives", "Shadow rays that the geometry shader emitted anew."),
+    Counter("geometry.spawned_reflected", "primitives", "Reflected rays that the geometry shader emitted anew."),
+    Counter("geometry.spawned_refracted", "primitives", "Refracted rays that the geometry shader emitted anew."),
+    Counter("vertex.arithmetic", "operations", "Arithmetic of vertex shaders, counted on their source."),
+    Counter("vertex.fetches", "texels", "Texels that vertex shaders fetched, counted on their source."),
+    Counter("geometry.arithmetic", "operations", "Arithmetic of geometry shaders, counted on their source."),
+    Counter("geometry.fetches", "texels", "Texels that geometry shaders fetched, counted on their source."),
+    Counter("fragment.arithmetic", "operations", "Arithmetic of fragment shaders, counted on their source."),
+    Counter("fragment.fetches", "texels", "Texels that fragment shaders fetched, counted on their source."),
+    Counter("rays.shadow", "rays", "Shadow rays that were shot."),
     Counter("rays.eye", "rays", "Rays of generation 0 that were shot."),
     Counter("rays.reflected", "rays", "Reflected rays that were shot, total internal reflection included."),
     Counter("rays.refracted", "rays", "Refracted rays that were shot."),
@@ -64,6 +85,16 @@ class Law(NamedTuple):
     left: tuple[str, ...]
     right: tuple[str, ...]
 
+
+GEOMETRY_IN = tuple(f"geometry.in_{kind}" for kind in ("finished", "eye", "shadow", "reflected", "refracted"))
+GEOMETRY_OUT = (
+    *(f"geometry.passed_{kind}" for kind in ("eye", "shadow", "reflected", "refracted")),
+    *(f"geometry.spawned_{kind}" for kind in ("shadow", "reflected", "refracted")),
+)
+
+COSTS = tuple(f"{stage}.{cost}" for stage in ("vertex", "geometry", "fragment") for cost in ("arithmetic", "fetches"))
+# What methods count of their shaders' work; all else under a stage's name the pipeline counts itself
+OF_SHADERS = (*GEOMETRY_IN, *GEOMETRY_OUT, *COSTS)
 
 LAWS = (
     Law(("stream_output.generated",), ("stream_output.primitives", "stream_output.overflowed")),

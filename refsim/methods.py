@@ -15,6 +15,7 @@ from refsim.pipeline.taps import Taps
 from refsim.results import Image, Trace
 from refsim.scene import Material, Rays, Scene, camera_rays, load_scene
 from refsim.shading import environment_of, shade
+from refsim.tree_methods import GEOMETRY_SHADER, TREE, run_fragment_grid, run_geometry_shader
 
 MATERIALS = {kind: Material(kind, kind) for kind in ("glass", "mirror", "diffuse")}
 DEPTH_FORMATS = {
@@ -36,20 +37,25 @@ def _taps(value: Any) -> Taps | None:
     return value
 
 
-SHARED = (
-    whole("generations", 5, 1, 256, "Rays a path may have: the eye ray and those that follow."),
+GENERATIONS = whole("generations", 5, 1, 256, "Rays a path may have: the eye ray and those that follow.")
+COMMON = (
     real("ior", 1.5, 0.0, 100.0, "Index of refraction of glass that names none of its own."),
     choice("facing", "both", ("both", "front"), "Which sides of a triangle are hit."),
     choice("shading", "geometric", ("geometric", "smooth"), "The normal that bends a ray."),
     choice("material", None, (None, *MATERIALS), "One surface for every triangle instead of the scene's."),
-    Option("errata", "corrected", "Which formulas stand as printed (the hierarchical engine has them).", _errata),
     choice("backend", "numba", ("numba", "numpy"), "The pipeline, or the plain NumPy reference: small, slow, obvious."),
     whole("threads", None, 1, 1024, "Threads; by default all processors. The result does not depend on them."),
+)
+TAPS = Option("taps", None, "Collects what the stages held (`refsim.pipeline.taps.Taps`).", _taps)
+SHARED = (
+    GENERATIONS,
+    *COMMON,
+    Option("errata", "corrected", "Which formulas stand as printed (the hierarchical engine has them).", _errata),
 )
 ENGINE = (
     choice("early_tests", "ideal", tuple(EarlyTests), "When a test may reject before the shader."),
     choice("depth_format", "depth32float-stencil8", tuple(DEPTH_FORMATS), "Format of the depth and stencil buffer."),
-    Option("taps", None, "Collects what the stages held (`refsim.pipeline.taps.Taps`).", _taps),
+    TAPS,
 )
 
 
@@ -142,6 +148,20 @@ METHODS: dict[str, Method] = {
             _run_hierarchical,
             _reference("hierarchical_ray_engine"),
         ),
+        Method(
+            "geometry_shader",
+            "Rays are points: intersected in the vertex shader, spawned in the geometry shader (Ralovich and Magdics).",
+            (*TREE, *COMMON, TAPS, *GEOMETRY_SHADER),
+            run_geometry_shader,
+            _reference("geometry_shader"),
+        ),
+        Method(
+            "fragment_grid",
+            "Rays are pixels: a viewport quad a ray generation, traced in the fragment shader (Ralovich 2007).",
+            (*TREE, *COMMON, TAPS),
+            run_fragment_grid,
+            _reference("fragment_grid"),
+        ),
     )
 }
 
@@ -191,7 +211,13 @@ def render(
     chosen = method_named(method)
     checked(method, chosen.options, options)
     scene = load_scene(scene) if not isinstance(scene, Scene) else scene
-    surroundings = environment_of(scene, environment)
     rays = camera_rays(scene, width, height, view=view, fov=fov, fill=fill)
+    if any(option.name == "background" for option in chosen.options):
+        if environment is not None:
+            raise InputError(f"{method} has no environment: rays that leave see its background, one colour.")
+        found = trace(method, scene, rays, **options)
+        assert found.image is not None
+        return Image(found.image, found)
+    surroundings = environment_of(scene, environment)
     found = trace(method, scene, rays, **options)
     return Image(np.ascontiguousarray(shade(found, surroundings).reshape(height, width, 3)), found)

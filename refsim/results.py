@@ -56,14 +56,37 @@ class Cones:
     tile_size: int
 
 
+@dataclass(frozen=True)
+class Occupancy:
+    """How full a captured vertex buffer was after a pass: vertices in it and those it has room for, bytes a vertex."""
+
+    vertices: int
+    capacity: int
+    vertex_bytes: int
+
+    @property
+    def bytes(self) -> int:
+        """Bytes that the vertices take."""
+        return self.vertices * self.vertex_bytes
+
+    @property
+    def capacity_bytes(self) -> int:
+        """Bytes that were allocated."""
+        return self.capacity * self.vertex_bytes
+
+
 @dataclass(frozen=True, eq=False)
 class Generation:
     """Rays of recursion depth k, shot in pass k, and what they hit.
 
     alive bool[n]: the ray was shot (a dead row has zero direction and hits nothing); kind int32[n] (`RayKind`); pixel
-    int32[n]; parent int32[n], row of the generation before (−1 for eye rays and dead rows); per_ray name -> int32[n];
+    int32[n]; parent int32[n], row of the generation a ray came from (−1 for eye rays and dead rows): the one before, or
+    that of number `parent_generation` in the trace if it is not −1; per_ray name -> int32[n];
     counters of this pass alone; cones with the hierarchical engine. `next_rays` and `next_kind`: the rays that this
-    pass wrote for the next one, in its rows (image methods).
+    pass wrote for the next one, in its rows (image methods that follow one ray a path). Methods that follow trees:
+    `node` int32[n], the surface ray of the pixel's ray tree that a ray is, or from whose hit its shadow ray starts;
+    `light` int32[n], of shadow rays, else −1; `weight` f32[n] of the path; `occupancy`, the vertex buffer captured;
+    `slot` int32[n], place of the ray in the vertex buffer drawn.
     """
 
     rays: Rays
@@ -77,6 +100,12 @@ class Generation:
     cones: Cones | None = None
     next_rays: Rays | None = None
     next_kind: NDArray[np.int32] | None = None
+    node: NDArray[np.int32] | None = None
+    light: NDArray[np.int32] | None = None
+    weight: NDArray[np.float32] | None = None
+    occupancy: Occupancy | None = None
+    parent_generation: int = -1
+    slot: NDArray[np.int32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +113,7 @@ class Trace:
     """All generations of one run of `method`.
 
     `per_ray` name -> int64[n]: summed over generations per pixel. `options`: every option's value, defaults included.
+    `image` f32[h, w, 3]: the picture that the method composed itself, row 0 at the top.
     """
 
     method: str
@@ -92,6 +122,7 @@ class Trace:
     generations: tuple[Generation, ...]
     counters: Counters
     per_ray: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+    image: NDArray[np.float32] | None = None
 
     @cached_property
     def exit_rays(self) -> Rays:
@@ -121,14 +152,17 @@ def summed_per_ray(generations: list[Generation], pixels: int) -> dict[str, NDAr
             if len(counts) == pixels:  # rows are pixels
                 totals[name] += counts
             else:
-                np.add.at(totals[name], generation.pixel, counts)
+                sums = np.bincount(generation.pixel, counts, pixels)  # exact in float64
+                totals[name] += sums.astype(np.int64)
     return totals
 
 
 def last_rays(generations: Sequence[Generation]) -> Rays:
     """The last ray of each path (image methods): the one that missed or ended on a diffuse surface, or the ray that the
-    last generation's hit sent on."""
+    last generation's hit sent on. Where paths branch: the surface ray of the pixel that was shot last."""
     eye = generations[0].rays
+    if generations[0].next_rays is None:
+        return _last_of_trees(generations)
     last = [eye.origin.copy(), eye.direction.copy(), eye.t_max.copy()]
     goes_on = np.ones(len(eye), np.bool_)
     for k, generation in enumerate(generations):
@@ -140,6 +174,17 @@ def last_rays(generations: Sequence[Generation]) -> Rays:
         goes_on = sent_on
     assert following is not None
     _take(last, following, np.flatnonzero(goes_on))
+    return Rays.unchecked(last[0], last[1], last[2], eye.width, eye.height)
+
+
+def _last_of_trees(generations: Sequence[Generation]) -> Rays:
+    eye = generations[0].rays
+    last = [eye.origin.copy(), eye.direction.copy(), eye.t_max.copy()]
+    for generation in generations[1:]:
+        rows = np.flatnonzero(generation.alive & (generation.kind != RayKind.SHADOW))
+        rays = generation.rays
+        for column, new in zip(last, (rays.origin, rays.direction, rays.t_max), strict=True):
+            column[generation.pixel[rows]] = new[rows]
     return Rays.unchecked(last[0], last[1], last[2], eye.width, eye.height)
 
 

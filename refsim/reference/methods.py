@@ -3,7 +3,7 @@
 Same hits, rays, cones and counters as the pipeline, bit for bit, from the equations of `triangle`, `optics`, `cone`
 and `sphere` in float32. One NumPy pass over the pixels a triangle, and for the cones one over the tiles a ray of the
 fullest tile, each generation. Meant for images of a few thousand rays and scenes of a few hundred triangles; memory
-is a few columns a pixel.
+is a few columns a pixel. Methods that follow a tree of rays a pixel are `whitted`'s recursion in another order.
 """
 
 from __future__ import annotations
@@ -16,12 +16,19 @@ import numpy as np
 from refsim.counters import Counters
 from refsim.errors import InputError
 from refsim.reference import engines
+from refsim.reference.pixel_rays import fragment_grid
+from refsim.reference.point_rays import geometry_shader
 from refsim.reference.surfaces import Surfaces, following_rays, shoot
 from refsim.results import Generation, Trace, summed_per_ray
 from refsim.scene.mesh import Scene
 from refsim.scene.rays import Rays
 
 Pass = Callable[[int, Rays, np.ndarray], Generation]
+# Methods that follow a tree of rays a pixel
+TREES: Mapping[str, Callable[[Scene, Rays, Mapping[str, Any]], Trace]] = {
+    "geometry_shader": geometry_shader,
+    "fragment_grid": fragment_grid,
+}
 
 
 def trace(name: str, scene: Scene, rays: Rays, options: Mapping[str, Any]) -> Trace:
@@ -37,10 +44,12 @@ def trace(name: str, scene: Scene, rays: Rays, options: Mapping[str, Any]) -> Tr
         "ray_engine": engines.ray_engine,
         "hierarchical_ray_engine": engines.hierarchical_ray_engine,
     }
-    if name not in passes:
-        raise InputError(f"there is no method {name!r} in the reference; choose from {', '.join(passes)}.")
+    if name not in passes and name not in TREES:
+        raise InputError(f"there is no method {name!r} in the reference; choose from {', '.join((*passes, *TREES))}.")
     if len(rays) == 0:
         raise InputError("there are no rays to trace.")
+    if name in TREES:
+        return TREES[name](scene, rays, options)
     run = passes[name](scene, rays, options)
     found: list[Generation] = []
     shot, kind = rays, np.zeros(len(rays), np.int32)
