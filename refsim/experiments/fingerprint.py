@@ -15,7 +15,9 @@ from refsim.experiments.registry import Experiment
 PACKAGE = Path(refsim.__file__).parent
 EXPERIMENTS = "experiments"
 # Rooms and files that compute nothing of a row
-SILENT = {EXPERIMENTS, "oracle", "cli.py", "doctor.py", "progress.py", "image.py", "__main__.py"}
+SILENT = {EXPERIMENTS, "oracle", "cli.py", "cli_options.py", "doctor.py", "progress.py", "image.py", "__main__.py"}
+# Modules of the room that several measurements call
+SHARED = ("runs", "pictures", "gsr_runs", "gsr_moved", "gsr_published")
 
 
 @cache
@@ -51,7 +53,7 @@ def _home(work: Callable[..., object]) -> str:
 
 def rows_key(experiment: Experiment) -> str:
     """Version, numerical rooms, and the modules in which the experiment's cases are stated and measured."""
-    shared = {f"{EXPERIMENTS}/{name}.py" for name in ("runs", "pictures")}
+    shared = {f"{EXPERIMENTS}/{name}.py" for name in SHARED}
     own = {_home(experiment.cases), _home(experiment.measure)}
     facts = (refsim.__version__, _version("numpy"), _version("numba"), experiment.id)
     return _digest(_numerical() | shared | own, *facts)

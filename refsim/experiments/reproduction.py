@@ -18,6 +18,16 @@ from refsim.experiments import (
     figure_5,
     figure_6,
     figure_7,
+    gsr_claims,
+    gsr_errata,
+    gsr_figure_1,
+    gsr_figure_3,
+    gsr_figure_4,
+    gsr_moving_light,
+    gsr_order,
+    gsr_table_1,
+    gsr_table_2,
+    gsr_table_3,
     style,
     tile_size,
 )
@@ -41,10 +51,21 @@ TOPICS: dict[str, tuple[Experiment, ...]] = {
     "hre": tuple(
         module.EXPERIMENT for module in (cover, figure_4, figure_5, figure_6, figure_7, tile_size, errata, claims)
     ),
+    "gsr": tuple(
+        module.EXPERIMENT
+        for module in (
+            gsr_figure_1, gsr_figure_3, gsr_figure_4, gsr_table_1, gsr_table_2, gsr_table_3, gsr_errata, gsr_order,
+            gsr_moving_light, gsr_claims,
+        )
+    ),
     "pipeline": (draw_stages.EXPERIMENT,),
+}  # fmt: skip
+TITLES = {
+    "hre": "The Hierarchical Ray Engine (Szécsi, WSCG 2006)",
+    "gsr": "Recursive Ray Tracing in Geometry Shader (Ralovich, Magdics, 2010)",
+    "pipeline": "The pipeline",
 }
-TITLES = {"hre": "The Hierarchical Ray Engine (Szécsi, WSCG 2006)", "pipeline": "The pipeline"}
-INDICES = {"hre": "index.md", "pipeline": "index-pipeline.md"}
+INDICES = {"hre": "index.md", "gsr": "index-gsr.md", "pipeline": "index-pipeline.md"}
 
 
 @contextmanager
