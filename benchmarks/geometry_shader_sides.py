@@ -1,7 +1,8 @@
 """The recursive ray tracer in the geometry shader made ready on refsim and on OpenGL, so that a call draws and no more.
 
-`Ours` is steps 2 to 6 of the paper's section 3 and the blending passes, with all counters; `Theirs` the same in GLSL,
-until glFinish returns. llvmpipe runs vertex and geometry shaders on one thread, whatever it has for fragments.
+`Ours` is steps 2 to 6 of the paper's section 3 and the blending passes, with the pipeline's counters and the cells,
+tests and box rejections of every ray; sums of these and shares by kind are made by `refsim.trace`, which is timed too.
+`Theirs` is the same in GLSL, without counters, until glFinish returns.
 """
 
 from __future__ import annotations

@@ -16,13 +16,14 @@ from refsim.scene import Rays, Scene
 from refsim.scene.material import as_triple
 
 BACKGROUND = (0.1, 0.12, 0.15)
+LARGEST_FLOAT32 = (2 - 2.0**-23) * 2.0**127
 
 
 def _accelerator(value: Any) -> Any:
     from refsim.papers.geometry_shader_rays.acceleration import Accelerator
     from refsim.papers.geometry_shader_rays.setup import ACCELERATIONS
 
-    if isinstance(value, Accelerator) or value in ACCELERATIONS:
+    if isinstance(value, Accelerator) or (isinstance(value, str) and value in ACCELERATIONS):
         return value
     raise InputError(f"acceleration is {value!r}; {nearest(value, ACCELERATIONS)}, or give an Accelerator.")
 
@@ -41,8 +42,8 @@ def _lights(value: Any) -> Any:
 
 def _background(value: Any) -> tuple[float, float, float]:
     color = as_triple(value, "background")
-    if min(color) < 0.0:
-        raise InputError(f"background is {value!r}; its components must not be negative.")
+    if min(color) < 0.0 or max(color) > LARGEST_FLOAT32:
+        raise InputError(f"background is {value!r}; its components must be from 0 to what float32 holds.")
     return color
 
 

@@ -80,7 +80,8 @@ def draw(
     read = {"uniforms": uniforms, "textures": textures, "indices": indices}
     check_capture(pipeline, stream_output, framebuffer, vertices, **read)
     threads = checked_threads(threads)
-    program = program_of(pipeline, shape_of(uniforms), shape_of(textures), indices is not None, _formats(framebuffer))
+    shapes = shape_of(uniforms), shape_of(textures)
+    program = program_of(pipeline, *shapes, indices is not None, _formats(framebuffer)).for_a_draw()
     arguments = (plain(uniforms), plain(textures))
     done = Counters()
     done.add("draw.calls", 1)
@@ -94,9 +95,11 @@ def draw(
     scratch = Scratch.borrow()
     feeds = Feeds(program, arguments, call, threads, scratch, stream_output, taps, recorders.any)
     _rehearse(program, feeds, call, primitives, threads, recorders, scratch)
+    shaded_before = _shaded(framebuffer)
     for feed in feeds.run():
         if not pipeline.rasterizer_discard:
             _rasterise(program, feed, call, threads, loop, recorders, done, scratch)
+    _check_shaded(_shaded(framebuffer) - shaded_before, done)
     scratch.give_back()
     feeds.finish(done)
     feeds.record()
@@ -138,10 +141,9 @@ def _rasterise(
     scratch: Scratch,
 ) -> None:
     """Everything from the front end to the targets, for the primitives of `feed`; counts go to `done`."""
-    framebuffer = call.framebuffer
     done.add("raster.primitives", feed.primitives)
     counts = np.zeros(COUNTS, np.int64)
-    boxed, shaded_before = 0, int(framebuffer.invocations.sum(dtype=np.int64))
+    boxed = 0
     for part in rounds(program, feed, call, threads, scratch):
         fates = part.fates.sum(axis=0)
         _add_primitive_fates(done, fates, program.triangles)
@@ -152,20 +154,28 @@ def _rasterise(
     _add_fragment_fates(done, counts)
     if program.writes.blends:
         done.add("blend.fragments", counts[WRITTEN])
-    shaded = int(framebuffer.invocations.sum(dtype=np.int64)) - shaded_before
-    _check_stages(program.triangles, boxed, counts, shaded)
+    _check_stages(program.triangles, boxed, counts)
 
 
-def _check_stages(bounded: bool, covered: int, counts: np.ndarray, shaded: int) -> None:
+def _shaded(framebuffer: Framebuffer | None) -> int:
+    """Fragment shader runs that the framebuffer's pixels have counted."""
+    return int(framebuffer.invocations.sum(dtype=np.int64)) if framebuffer is not None else 0
+
+
+def _check_shaded(shaded: int, done: Counters) -> None:
+    """Raises `ConservationError` unless pixels and fates count the same fragment shader runs."""
+    if shaded != done["fragment.invocations"]:
+        fates = done["fragment.invocations"]
+        raise ConservationError(f"pixels count {shaded} fragment shader runs, their fates {fates}.")
+
+
+def _check_stages(bounded: bool, covered: int, counts: np.ndarray) -> None:
     """What two stages count each on its own must agree; raises `ConservationError`.
 
     `bounded`: the rasteriser knows of triangles only what their boxes cover, which is more than they do.
     """
     if counts[COVERED] > covered or (counts[COVERED] < covered and not bounded):
         raise ConservationError(f"the rasteriser covered {covered} pixels, the fragment stage saw {counts[COVERED]}.")
-    invocations = counts[COVERED] - counts[EARLY_STENCIL] - counts[EARLY_DEPTH]
-    if shaded != invocations:
-        raise ConservationError(f"pixels count {shaded} fragment shader runs, their fates {invocations}.")
 
 
 def _add_primitive_fates(counters: Counters, fates: np.ndarray, triangles: bool) -> None:

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from refsim.pipeline.program import Program
 
 EMITTED_ROWS = 2**18  # of a slice
-ROUND_ROWS = 2**20  # of all threads' slices
+ROUND_ROWS = 2**20  # of all slices that run together
+SLICES_A_THREAD = 2  # some cost much more than others
 
 
 @dataclass
@@ -65,11 +66,12 @@ def emissions(program: Program, arguments: Any, call: Any, threads: int, scratch
     """All that the geometry stage of a draw emits, as many slices at a time as there are threads, in order."""
     stage, kernel = cast(GeometryState, program.emission), program.amplify
     primitives = call.assembly.primitives * call.instances
-    rows = min(EMITTED_ROWS, ROUND_ROWS // threads)
-    size = min(max(-(-primitives // threads), SMALLEST_SLICE), max(rows // max(stage.max_vertices, 1), 1))
+    together = threads if threads == 1 else SLICES_A_THREAD * threads
+    rows = min(EMITTED_ROWS, ROUND_ROWS // threads) * threads // together
+    size = min(max(-(-primitives // together), SMALLEST_SLICE), max(rows // max(stage.max_vertices, 1), 1))
     first_out = 0
-    for first in range(0, primitives, size * threads):
-        counts = [min(size, primitives - at) for at in range(first, primitives, size)[:threads]]
+    for first in range(0, primitives, size * together):
+        counts = [min(size, primitives - at) for at in range(first, primitives, size)[:together]]
         parts = [_columns(stage, first + k * size, count, k, scratch) for k, count in enumerate(counts)]
 
         def run(part: Emitted, count: int) -> None:

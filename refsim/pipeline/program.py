@@ -6,7 +6,8 @@ needed and found again by the pipeline's value; `refsim.jit` keeps them on disk.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from copy import copy
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -152,6 +153,10 @@ class Program:
         self._emission_slots = self._slots_of_emission(self.emission) if self.emission else {}
         self._front_slots = self._slots_of_front_end()
 
+    def for_a_draw(self) -> Program:
+        """The same, for one draw: each kernel is looked for once, as shaders do not change while it runs."""
+        return copy(self)
+
     def _slots_of_vertex_stage(self) -> dict[str, Any]:
         return {
             **self._rebuild,
@@ -221,47 +226,47 @@ class Program:
             return self._slots_of_triangles(fetch, pipeline.vertex.shader, slot, self.indexed)
         return self._vertex_slots
 
-    @property
+    @cached_property
     def amplify(self) -> Any:
         """Vertex and geometry stage, everything emitted is kept."""
         return specialise(amplify, self._emission_slots["amplify"])
 
-    @property
+    @cached_property
     def capture(self) -> Any:
         """Copies emitted primitives to a vertex buffer."""
         return specialise(capture, self._emission_slots["capture"])
 
-    @property
+    @cached_property
     def front_end(self) -> Any:
         """Vertex stage (or what was emitted), clipping, rectangles or triangles in screen space."""
         return specialise(triangle_front if self.triangles else front_end, self._front_slots)
 
-    @property
+    @cached_property
     def vertex_tap(self) -> Any:
         """Vertex stage alone, everything kept."""
         return specialise(positions, self._vertex_slots)
 
-    @property
+    @cached_property
     def dense(self) -> Any:
         """Fragment stage over bins in vectorised passes."""
         return specialise(dense_bins, self._fragment_slots)
 
-    @property
+    @cached_property
     def listed(self) -> Any:
         """Fragment stage over fragment lists."""
         return specialise(listed_bins, {**self._fragment_slots, "TAP": False})
 
-    @property
+    @cached_property
     def tapped(self) -> Any:
         """Fragment stage over fragment lists, every fragment copied out."""
         return specialise(listed_bins, {**self._fragment_slots, "TAP": True})
 
-    @property
+    @cached_property
     def bin_primitives(self) -> Any:
         """Binning; the same for all pipelines."""
         return specialise(bin_primitives, {})
 
-    @property
+    @cached_property
     def count_fragments(self) -> Any:
         """Fragments a bin."""
         slots = self._fragment_slots

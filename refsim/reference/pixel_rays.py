@@ -86,6 +86,7 @@ def _generation(tree: Tree, eye: Rays, shooting: Pass, shot: Shot | None, parent
         origin[sent], direction[sent], t_max[sent] = shot.rays.origin, shot.rays.direction, shot.rays.t_max
         weight[sent] = shot.rays.weight
         started = shot.rays.t_max > 0
+        direction[sent[~started]] = 0
         for column, new in zip(found, shot.found, strict=True):
             column[sent[started]] = new[started]
     alive = t_max > 0

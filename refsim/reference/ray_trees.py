@@ -23,7 +23,7 @@ from refsim.scene.light import PointLight
 from refsim.scene.mesh import Scene
 from refsim.scene.rays import Rays
 
-MOST_LIGHTS = 7
+MOST_LIGHTS = 64
 MOST_NODES = 2**24
 
 

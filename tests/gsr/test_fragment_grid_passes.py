@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from refsim import Rays
+from refsim import Rays, camera_rays, trace
 from refsim.errors import InputError
 from refsim.pipeline.taps import Taps
 from refsim.results import RayKind
+from refsim.scene import PointLight
 from tests.gsr.pixel_rays import assert_same, by_pixels
 from tests.gsr.scenes import BACKGROUND, cornell, cornell_rays
 
@@ -143,3 +144,27 @@ def test_refused(options: dict[str, Any], word: str) -> None:
     with pytest.raises(InputError, match=word):
         by_pixels(cornell(), cornell_rays(), **options)
     assert by_pixels(cornell(), cornell_rays(), generations=2).image is not None
+
+
+def test_a_picture_of_one_pixel_keeps_its_rays() -> None:
+    """Each generation's rays are copies, not views of targets that later passes draw again."""
+    scene = cornell()
+    rays = camera_rays(scene, 1, 1, view=(0, 0, 1), fill=0.9)
+    options: dict[str, Any] = {"passes": 3, "acceleration": "naive", "background": BACKGROUND}
+    pixels, points = (trace(method, scene, rays, **options) for method in ("fragment_grid", "geometry_shader"))
+    assert_same(pixels, points)
+
+
+def test_a_shadow_ray_without_length_is_dead_and_has_no_direction() -> None:
+    """The light stands where the shadow ray starts."""
+    scene = cornell()
+    rays = cornell_rays()
+    before = trace("geometry_shader", scene, rays, passes=2, acceleration="naive").generations[1]
+    row = int(np.flatnonzero(before.kind == RayKind.SHADOW)[0])
+    light = PointLight(tuple(before.rays.origin[row].tolist()))
+    found = trace("fragment_grid", scene, rays, passes=2, acceleration="naive", lights=light)
+    shadows = next(g for g in found.generations if (g.kind == RayKind.SHADOW).all())
+    pixel = int(before.pixel[row])
+    assert not shadows.alive[pixel]
+    np.testing.assert_array_equal(shadows.rays.direction[pixel], 0)
+    assert np.isfinite(shadows.rays.direction).all()

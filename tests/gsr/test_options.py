@@ -20,6 +20,7 @@ import refsim
 from refsim import Material
 from refsim.errors import InputError
 from refsim.papers.geometry_shader_rays.errata import AS_PRINTED, NAMES, Printed, printed_text
+from refsim.papers.geometry_shader_rays.record import check_types
 from refsim.results import RayKind, Trace
 from refsim.scene import PointLight
 from tests.gsr.scenes import (
@@ -202,7 +203,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "fewer than none": ({"lights": -1}, "lights is -1"),
     "lights true": ({"lights": True}, "not True"),
     "lights in words": ({"lights": ["sun"]}, "lights holds 'sun'"),
-    "eight lights": ({"lights": [SECOND_LIGHT] * 8}, "8 lights are more than the 7"),
+    "too many lights": ({"lights": [SECOND_LIGHT] * 65}, "65 lights are more than the 64"),
+    "blinding": ({"lights": PointLight((0.0, 0.9, 0.0), intensity=1e300)}, "too bright for float32"),
+    "acceleration array": ({"acceleration": np.zeros(3)}, "acceleration is"),
+    "background beyond float32": ({"background": (1e300, 0, 0)}, "what float32 holds"),
     "shadows": ({"shadows": "yes"}, "shadows is 'yes'"),
     "reflections": ({"reflections": 1}, "reflections is 1"),
     "refractions": ({"refractions": None}, "refractions is None"),
@@ -230,7 +234,23 @@ def test_refused(name: str) -> None:
     with pytest.raises(InputError) as refused:
         traced(cornell(), cornell_rays(), **options)
     message = str(refused.value)
-    assert (sentence in message and "\n" not in message and message.endswith(".")) or "must be three" in message
+    assert sentence in message and "\n" not in message
+
+
+def test_more_layers_than_a_point_can_be_placed_in() -> None:
+    """Beyond 2²⁰ rows float32 would put points into their neighbours' pixels."""
+    rays = refsim.camera_rays(court(), 1, 2**18)
+    assert image_of(traced(court(), rays, passes=1)).shape == (2**18, 1, 3)
+    with pytest.raises(InputError, match=r"5 layers of 262144 rows are more than the 1048576 rows"):
+        traced(court(), rays, passes=5)
+
+
+def test_types_that_float32_holds() -> None:
+    """The largest type is L times the number of nodes."""
+    check_types(2**23, 2)
+    for nodes, lights in ((2**23 + 1, 2), (2**24 + 2, 0)):
+        with pytest.raises(InputError, match="more types of rays than"):
+            check_types(nodes, lights)
 
 
 def test_no_environment() -> None:

@@ -111,7 +111,7 @@ def test_the_buffer_that_is_too_small() -> None:
         ({"taps": Taps("vertex")}, "no stages to tap"),
         ({"lights": 4}, "has 3 lights"),
         ({"lights": [1.0]}, "PointLight"),
-        ({"lights": LAMPS * 3}, "more than the 7"),
+        ({"lights": LAMPS * 22}, "more than the 64"),
         ({"passes": 2, "generations": 3}, "two names of one number"),
         ({"passes": 25}, "tree of 33554431 rays"),
         ({"stages": "vertex_only"}, "needs passes=1"),

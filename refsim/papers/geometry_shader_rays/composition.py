@@ -18,6 +18,8 @@ from refsim.papers.geometry_shader_rays.setup import Options
 from refsim.pipeline.draw import draw
 from refsim.pipeline.resources import MAX_TARGET_PIXELS, Framebuffer, Texture, VertexBuffer
 
+# A point's y is off by at most 3 roundings of NDC, 3 · 2⁻²⁴ · 2¹⁹ = 0.1 rows here: it stays in its own
+MOST_ROWS = 2**20
 CORNERS = VertexBuffer.of(Corner, position=np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]], np.float32))
 
 
@@ -25,6 +27,11 @@ class Layers:
     """`count` layers of w × h pixels, and the image that their sum is drawn into."""
 
     def __init__(self, width: int, height: int, count: int, lights: int, options: Options, printed: Printed) -> None:
+        if height * count > MOST_ROWS:
+            raise InputError(
+                f"{options.passes} passes make a tree of {count} rays; {count} layers of {height} rows are more than "
+                f"the {MOST_ROWS} rows among which float32 can place a point."
+            )
         if width * height * count > MAX_TARGET_PIXELS:
             raise InputError(
                 f"{options.passes} passes make a tree of {count} rays; {count} layers of {width} × {height} pixels are "

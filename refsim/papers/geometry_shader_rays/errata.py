@@ -16,6 +16,9 @@ from refsim.pipeline.layout import i32
 class Printed(NamedTuple):
     """1 where the printed text stands; the shaders read these as uniforms.
 
+    On 8-bit targets E8 and E10 also round otherwise: what lies in one target together is rounded once. Not switched:
+    ambient and specular light, which the text's Phong model has and Listing 5 lacks.
+
     E1   a shadow fragment adds (1, 1, 1): shadows are white (Eq. 1). Corrected: it adds nothing
     E1b  it adds (−1, −1, −1) (Listing 5): black on a fixed-point target, −1 on a float one
     E2   rays that miss end in the geometry shader, so only the clear colour is background and mirrors show black

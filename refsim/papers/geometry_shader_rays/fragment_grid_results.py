@@ -57,7 +57,9 @@ class PassRecorder:
         self.generations.append(generation)
 
     def _rays(self, origin: NDArray[np.float32], direction: NDArray[np.float32]) -> Rays:
-        rows = [np.ascontiguousarray(part[:3].T) for part in (origin, direction)]
+        # Copies, as the target is drawn again; of one pixel the transpose would be a view
+        rows = [np.array(part[:3].T, order="C") for part in (origin, direction)]
+        rows[1][~(origin[3] > 0)] = 0  # a shadow ray that ends where it starts has no direction
         return Rays.unchecked(rows[0], rows[1], origin[3].copy(), self._eye.width, self._eye.height)
 
 

@@ -20,13 +20,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from refsim.errors import InputError
 from refsim.pipeline.layout import vec4
 from refsim.results import RayKind
 
 # Listing 3–5: what a pass is to do with a ray
 TO_BE_MADE, TO_BE_SHOT, MARKED, SHADED = 0, 1, 2, 3
 RECORD_BYTES = 64
-MOST_TRIANGLES = 2**24
+MOST_TRIANGLES = MOST_TYPES = 2**24
 
 
 class PackedHit(NamedTuple):
@@ -53,6 +54,12 @@ def kinds_of(types: NDArray[np.float32], branching: int) -> NDArray[np.int32]:
     code = types.astype(np.int64)
     surface = np.where((branching == 2) & (code % 2 == 0), RayKind.REFRACTED, RayKind.REFLECTED)
     return np.where(code > 0, RayKind.SHADOW, np.where(code == 0, RayKind.EYE, surface)).astype(np.int32)
+
+
+def check_types(nodes: int, lights: int) -> None:
+    """Raises `InputError` where the type of some ray would be no whole number in float32."""
+    if max(nodes - 1, lights * nodes) > MOST_TYPES:
+        raise InputError(f"{nodes} nodes, {lights} lights: more types of rays than the {MOST_TYPES} of a float32.")
 
 
 def node_count(passes: int, branching: int) -> int:

@@ -21,7 +21,7 @@ from refsim.scene.rays import Rays
 
 ACCELERATIONS = ("grid", "naive", "bvh")
 DEFAULT_PASSES = 2
-MOST_LIGHTS = 7  # with the unshadowed one these are eight colour targets, WebGPU's limit
+MOST_LIGHTS = 64  # each has an entry of the geometry shader and a target: so many take a minute to compile
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,11 @@ def lights_of(scene: Scene, choice: Any) -> tuple[PointLight, ...]:
         for light in chosen:
             if not isinstance(light, PointLight):
                 raise InputError(f"lights holds {light!r}; it must hold refsim.scene.PointLight.")
+    for light in chosen:
+        with np.errstate(over="ignore"):
+            numbers = np.array([light.position, light.radiance], np.float32)
+        if not np.isfinite(numbers).all():
+            raise InputError(f"{light} is too far off or too bright for float32.")
     if len(chosen) > MOST_LIGHTS:
         raise InputError(f"{len(chosen)} lights are more than the {MOST_LIGHTS} that have render targets of their own.")
     return chosen

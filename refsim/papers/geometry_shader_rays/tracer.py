@@ -67,11 +67,13 @@ class GeometryShaderTracer:
             raise InputError(f"capacity is {self.capacity}; the buffer drawn first holds {width * height} eye rays.")
         self.buffers = (self._buffer(self.capacity), self._buffer(self.capacity))
         nodes = record.node_count(options.passes, prepared.branching)
+        record.check_types(nodes, lights)
         self.layers = Layers(width, height, nodes, lights, options, setting.printed)
         rows = self.buffers[0].capacity
         made = np.zeros((width * height if setting.printed.E12 else 0, 6), np.float32)
         self.found = Found(np.zeros((rows, 3), np.float32), np.zeros((rows, 4), np.int32), made)
         traverse = prepared.accelerator.traverse
+        self._centres = pixel_centres(width, height)
         self.pipeline = tracing_pass(traverse, lights, setting.stages, setting.emission_order)
         self.frame = frame_of(prepared, options, setting, nodes)
 
@@ -83,9 +85,7 @@ class GeometryShaderTracer:
         """Step 2: a point at the centre of every pixel, its ray beside it. Dead rays are finished ones."""
         buffer, n = self.buffers[0], len(rays)
         columns = buffer.floats[:, :n]
-        rows, x = np.divmod(np.arange(n), self.width)
-        columns[record.X] = (x + 0.5) / self.width * 2 - 1
-        columns[record.Y] = 1 - (rows + 0.5) / self.height * 2
+        columns[record.X : record.WEIGHT] = self._centres[:, :n]
         columns[record.WEIGHT : record.ORIGIN] = 1
         columns[record.ORIGIN : record.T] = rays.origin.T
         columns[record.T] = rays.t_max
@@ -165,6 +165,12 @@ def frame_of(prepared: Prepared, o: Options, setting: Setting, nodes: int) -> Fr
         camera=np.zeros((4, 3), np.float32),
         printed=Printed(*(np.int32(switch) for switch in setting.printed)),
     )
+
+
+def pixel_centres(width: int, height: int) -> np.ndarray:
+    """NDC of the centres of all pixels, row by row: f32[2, width · height] (section 4.3)."""
+    y, x = np.divmod(np.arange(width * height), width)
+    return np.stack([(x + 0.5) / width * 2 - 1, 1 - (y + 0.5) / height * 2]).astype(np.float32)
 
 
 def printed_camera(rays: Rays) -> np.ndarray:
