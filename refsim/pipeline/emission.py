@@ -1,7 +1,7 @@
 """Runs the geometry stage in slices and hands on what it emits: to stream output, to the rasteriser, to a tap.
 
-Threads take one slice of input primitives each, with columns of its own; a slice is small enough that memory stays
-bounded even if every entry emits. Output primitives are numbered by adding up the slices before, so no number depends
+Threads share slices of input primitives, each with columns of its own; a slice is small enough that memory stays bounded
+even if every entry emits. Output primitives are numbered by adding up the slices before, so no number depends
 on threads. A pipeline without a geometry shader that captures runs through here too: its primitives pass unchanged.
 """
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 EMITTED_ROWS = 2**18  # of a slice
 ROUND_ROWS = 2**20  # of all slices that run together
-SLICES_A_THREAD = 2  # some cost much more than others
+SLICES_A_THREAD = 2  # some cost much more than others; two threads: 2 is quicker than 1 or 4
 
 
 @dataclass
@@ -63,7 +63,7 @@ class Emitted:
 
 
 def emissions(program: Program, arguments: Any, call: Any, threads: int, scratch: Scratch) -> Iterator[list[Emitted]]:
-    """All that the geometry stage of a draw emits, as many slices at a time as there are threads, in order."""
+    """All that the geometry stage of a draw emits, a few slices a thread at a time, in order."""
     stage, kernel = cast(GeometryState, program.emission), program.amplify
     primitives = call.assembly.primitives * call.instances
     together = threads if threads == 1 else SLICES_A_THREAD * threads

@@ -85,7 +85,8 @@ class Search(NamedTuple):
     test: Work
 
 
-def _work(cost: Cost) -> Work:
+def work_of(cost: Cost) -> Work:
+    """Operations and fetches of a cost, loops that run nobody knows how often left out."""
     return Work(cost.arithmetic, cost.fetches)
 
 
@@ -107,16 +108,16 @@ def search_work(traverse: Any) -> Search:
     """
     arguments = _unknown("t.structure", "t.triangles", "o", "d", "t_max", "any_hit", "front_only")
     cost, _ = walk(traverse, *arguments)
-    whole = _work(cost)
+    whole = work_of(cost)
     per_cell = [loop for loop in _loops(cost) if loop.cells]
     tests = [loop for loop in _loops(per_cell[0] if per_cell else cost) if loop.tests]
     tests = tests or [loop for loop in _loops(cost) if loop.tests]
-    outside = _work(cost.exits[-1]) if cost.exits else _work(Cost(cost.counts - cost.walking))
+    outside = work_of(cost.exits[-1]) if cost.exits else work_of(Cost(cost.counts - cost.walking))
     return Search(
         outside,
         Work(whole.arithmetic - outside.arithmetic, whole.fetches - outside.fetches),
-        _work(per_cell[0]) if per_cell else Work(),
-        _work(tests[0]) if tests else Work(),
+        work_of(per_cell[0]) if per_cell else Work(),
+        work_of(tests[0]) if tests else Work(),
     )
 
 
@@ -169,7 +170,7 @@ def blocks(setup: Setup) -> dict[str, Work]:
         shooter = shaders.finishing_vertex(shot)
 
     def made(function: Any, *arguments: Any, known: Mapping[str, Any] = facts) -> Work:
-        return _work(walk(function, *arguments, facts=known, free=free)[0])
+        return work_of(walk(function, *arguments, facts=known, free=free)[0])
 
     def shooting(state: np.float32) -> Work:
         ray = _ray(state, 0, False)
@@ -198,9 +199,9 @@ def blocks(setup: Setup) -> dict[str, Work]:
         }
         cost, what = walk(shaded, going, t, _ray(state, code, hit), lights, facts=known)
         if state < FINISHED:
-            return _work(cost)  # discarded
+            return work_of(cost)  # discarded
         targets = (made(lit, going, what, k, setup.lights, known=known) for k in range(setup.lights))
-        return _work(cost).plus(made(unshadowed, going, what), *targets)
+        return work_of(cost).plus(made(unshadowed, going, what), *targets)
 
     found["fragment.discarded"] = fragment(LATER, 0, False)
     found["fragment.shadow"] = fragment(FINISHED, 1, True)
@@ -221,14 +222,14 @@ def building_blocks(traverse: Any, exponent: int = 32) -> dict[str, Work]:
         "search, first cell": search.walking,
         "cell": search.cell,
         "triangle test": search.test,
-        "intersection alone": _work(walk(intersect, p, d, t, x, n, p, d)[0]),
-        "eye ray (GSR-E12)": _work(walk(shaders.eye_ray, frame_of(setup, 0), p)[0]),
-        "normal, flat": _work(walk(lookup_normal, *_unknown("t.triangles", "t.surfaces", "i", "u", "v"), 0)[0]),
-        "normal, smooth": _work(walk(lookup_normal, *_unknown("t.triangles", "t.surfaces", "i", "u", "v"), 1)[0]),
-        "Phong, one light": _work(walk(phong, p, d, n, x, F1, exponent, p, x, weight)[0]),
-        "ambient light": _work(walk(ambient, x, weight)[0]),
-        "shadow ray": _work(walk(shadow_ray, p, n, n, x, epsilon, 0)[0]),
-        "reflected or refracted ray": _work(walk(next_ray, p, d, t, n, n, Unknown("ior"), epsilon)[0]),
+        "intersection alone": work_of(walk(intersect, p, d, t, x, n, p, d)[0]),
+        "eye ray (GSR-E12)": work_of(walk(shaders.eye_ray, frame_of(setup, 0), p)[0]),
+        "normal, flat": work_of(walk(lookup_normal, *_unknown("t.triangles", "t.surfaces", "i", "u", "v"), 0)[0]),
+        "normal, smooth": work_of(walk(lookup_normal, *_unknown("t.triangles", "t.surfaces", "i", "u", "v"), 1)[0]),
+        "Phong, one light": work_of(walk(phong, p, d, n, x, F1, exponent, p, x, weight)[0]),
+        "ambient light": work_of(walk(ambient, x, weight)[0]),
+        "shadow ray": work_of(walk(shadow_ray, p, n, n, x, epsilon, 0)[0]),
+        "reflected or refracted ray": work_of(walk(next_ray, p, d, t, n, n, Unknown("ior"), epsilon)[0]),
         "passed on": blocks(setup)["geometry.passed"],
     }
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from refsim.counters import Counters
+from refsim.counters import COSTS, Counters
 from refsim.papers.geometry_shader_rays.fragment_grid import FragmentGridTracer, Shooting
+from refsim.papers.geometry_shader_rays.fragment_grid_costs import QuadCosts
 from refsim.pipeline.resources import Framebuffer
 from refsim.results import Generation, RayKind, Trace, summed_per_ray
 from refsim.scene.rays import Hits, Rays
@@ -80,8 +81,9 @@ def trace_of(tracer: FragmentGridTracer, eye: Rays) -> Trace:
     scene, counters, recorder = tracer.prepared.scene, Counters(), PassRecorder(eye)
     image = tracer.draw_passes(eye, counters, recorder.after_pass)
     generations = recorder.generations
+    QuadCosts(tracer).add(generations)
     for generation in generations:  # the draws have been counted, what rays found has not
-        counters.merge({name: n for name, n in generation.counters.items() if name.startswith(FOUND)})
+        counters.merge({name: n for name, n in generation.counters.items() if name.startswith(FOUND) or name in COSTS})
     counters.add("intersection.degenerate_triangles", int(scene.degenerate.sum()))
     counters.check()
     rgb = np.ascontiguousarray(np.moveaxis(image[:3], 0, 2))

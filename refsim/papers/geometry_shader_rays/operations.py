@@ -1,7 +1,7 @@
 """What device functions cost: operations by kind, and those of an expression (`source_walk` follows the statements).
 
-    one operation each    + − × ÷ mod, √, min, max, abs, copysign, comparisons, logic and bits, and a select
-                          (``a if c else b``) of each component
+    one operation each    + − × ÷ mod, √, min, max, abs, copysign, rint, comparisons, logic and bits, and a
+                          select (``a if c else b``) of each component
     free                  constants and arithmetic between them, conversions, moves, negation, `not`
     one fetch each        a texel read from what lies under "t" (textures): components of one texel, read in one body of
                           a function, are one fetch. Uniforms and attributes are in registers
@@ -49,6 +49,7 @@ COMPARE: dict[type, Callable[[Any, Any], Any]] = {
 BUILT_IN: dict[Any, str] = {
     math.sqrt: "root",
     math.floor: "select",
+    np.rint: "select",
     math.copysign: "select",
     abs: "select",
     min: "select",

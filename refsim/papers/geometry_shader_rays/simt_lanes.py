@@ -16,16 +16,14 @@ from refsim.counters import GEOMETRY_OUT
 from refsim.errors import InputError
 from refsim.papers.geometry_shader_rays.acceleration import Accelerator
 from refsim.papers.geometry_shader_rays.bvh_nodes import search_hierarchy
-from refsim.papers.geometry_shader_rays.costs import Search, Setup, Work, blocks, frame_of, search_work
+from refsim.papers.geometry_shader_rays.costs import Search, Setup, Work, blocks, search_work
 from refsim.papers.geometry_shader_rays.errata import printed_text
-from refsim.papers.geometry_shader_rays.fragment_grid_shaders import QuadFrame, SenderTexels, sent_ray
+from refsim.papers.geometry_shader_rays.fragment_grid_costs import shooting_blocks
 from refsim.papers.geometry_shader_rays.grid_traversal import search_grid
 from refsim.papers.geometry_shader_rays.naive import all_triangles
-from refsim.papers.geometry_shader_rays.operations import Unknown
 from refsim.papers.geometry_shader_rays.pass_costs import surfaces_of
 from refsim.papers.geometry_shader_rays.setup import lights_of
 from refsim.papers.geometry_shader_rays.simt import Account, Block, account, pixel_order
-from refsim.papers.geometry_shader_rays.source_walk import walk
 from refsim.results import Generation, RayKind, Trace
 
 TRAVERSE = {"naive": all_triangles, "grid": search_grid, "bvh": search_hierarchy}
@@ -201,22 +199,14 @@ def _quad_lanes(trace: Trace, width: int) -> list[list[Block]]:
 
     found = []
     for g in trace.generations:
+        cost = shooting_blocks(setup, int(g.kind[0]))
         sent = g.parent_generation >= 0
         senders = trace.generations[g.parent_generation].hits.triangle if sent else np.full(len(rays), -1)
         cells, tests = lanes(g.per_ray["cells"]), lanes(g.per_ray["triangle_tests"])
         found.append([
-            Block("start", 1, inside.astype(np.int64), False),
-            Block("made", _making(setup, int(g.kind[0])) if sent else 0, lanes(senders >= 0)),
+            Block("start", _steps(cost.idle), inside.astype(np.int64), False),
+            Block("refused", _steps(cost.refused, cost.idle), lanes((senders >= 0) & ~g.alive)),
+            Block("sent", _steps(cost.sent, cost.idle), lanes(g.alive)),
             *_searched(search, lanes(g.alive), cells, tests),
         ])  # fmt: skip
     return found
-
-
-def _making(setup: Setup, kind: int) -> int:
-    """Steps of making a ray of a kind from the hit that sends it."""
-    hit: Any = (*(Unknown(name) for name in "tuv"), np.float32(0))
-    four: Any = tuple(Unknown() for _ in range(4))
-    texels = SenderTexels(four, four, hit)
-    u = QuadFrame(frame_of(setup, 0), *(np.int32(number) for number in (kind, 0, 0, 0)))
-    cost, _ = walk(sent_ray, u, Unknown("t"), texels)
-    return cost.arithmetic + cost.fetches
