@@ -13,7 +13,16 @@ from typing import Any
 from refsim.experiments import gsr_published as published
 from refsim.experiments import style
 from refsim.experiments.gsr_moved import moved
-from refsim.experiments.gsr_runs import FRAGMENT_GRID, GEOMETRY_SHADER, MODES, head, ray_counts, run, scene_of
+from refsim.experiments.gsr_runs import (
+    FRAGMENT_GRID,
+    GEOMETRY_SHADER,
+    MODES,
+    head,
+    ray_counts,
+    run,
+    scene_of,
+    shader_work,
+)
 from refsim.experiments.registry import Case, Experiment, Row, Rows, Tables
 
 VIEWS = ("mirroring room", "knot", "cornell box")
@@ -86,6 +95,7 @@ def _compared(view: str, size: int, mode: str, method: str) -> Row:
         "method": method,
         **ray_counts(found),
         **moved(found, size * size, len(scene_of(view).lights)),
+        **shader_work(found),
         "published_scene": COMPARED[view],
         "published_ms": published.milliseconds(COMPARED[view], mode, method == GEOMETRY_SHADER),
     }

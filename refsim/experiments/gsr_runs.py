@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from refsim.counters import COSTS
 from refsim.experiments.registry import Row
 from refsim.experiments.runs import mesh_state
 from refsim.methods import trace
@@ -148,6 +149,11 @@ def ray_counts(found: Trace) -> Row:
         "cells_per_ray": round(c["traversal.cells"] / rays, 3),
         "tests_per_ray": round(c["intersection.triangle_tests"] / rays, 3),
     }
+
+
+def shader_work(found: Trace) -> Row:
+    """Operations and texels fetched of each shader, those of `fragment_grid`'s lighting passes among them."""
+    return {name.replace(".", "_"): found.counters[name] for name in COSTS}
 
 
 def hits_of(generation: Generation, kind: RayKind | None = None) -> int:

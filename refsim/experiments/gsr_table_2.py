@@ -18,7 +18,17 @@ from refsim.experiments import gsr_published as published
 from refsim.experiments import style
 from refsim.experiments.claims import claim
 from refsim.experiments.gsr_moved import moved
-from refsim.experiments.gsr_runs import FRAGMENT_GRID, GEOMETRY_SHADER, MODES, head, hits_of, ray_counts, run, scene_of
+from refsim.experiments.gsr_runs import (
+    FRAGMENT_GRID,
+    GEOMETRY_SHADER,
+    MODES,
+    head,
+    hits_of,
+    ray_counts,
+    run,
+    scene_of,
+    shader_work,
+)
 from refsim.experiments.registry import Case, Experiment, Row, Rows, Tables
 from refsim.papers.geometry_shader_rays.simt import WIDTHS
 from refsim.results import Trace
@@ -61,6 +71,7 @@ def measure(view: str, size_px: int, configuration: str, mode: str) -> Rows:
         **first,
         **ray_counts(found),
         **moved(found, size_px * size_px, len(scene_of(view).lights)),
+        **shader_work(found),
         "published_million_rays_per_second": rate,
         "published_ms": time,
     }

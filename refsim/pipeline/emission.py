@@ -1,7 +1,7 @@
 """Runs the geometry stage in slices and hands on what it emits: to stream output, to the rasteriser, to a tap.
 
-Threads share slices of input primitives, each with columns of its own; a slice is small enough that memory stays bounded
-even if every entry emits. Output primitives are numbered by adding up the slices before, so no number depends
+Threads share slices of input primitives, each with columns of its own; a slice is small enough that memory stays
+bounded even if every entry emits. Output primitives are numbered by adding up the slices before, so no number depends
 on threads. A pipeline without a geometry shader that captures runs through here too: its primitives pass unchanged.
 """
 

@@ -11,6 +11,7 @@ Where the paper's parts are
     4.3  cells in a 3-D texture, packed lists, two textures of co-located data  `grid.Grid`, `triangle_textures`
     4.4  Eq. 1  `passes.EQUATION_1`, `fragment_shaders`; several targets and blending passes `composition.Layers`
     5    Table 1's shares  `costs.shares`, from operations counted by `source_walk`
+                           (the previous work's: `fragment_grid_costs`)
     5    Table 2's setups  stages="vertex" (passing through: passes=1), "vertex_only", method "fragment_grid"
     6    primary rays by rasterisation  `primary.first_triangles`; another structure `acceleration.Accelerator`, `bvh`
     ref. 6, the previous work  `fragment_grid.FragmentGridTracer`

@@ -111,9 +111,7 @@ def lighting_blocks(setup: Setup, unorm8: int) -> Lighting:
     """The passes that add light to the image, whose format is of 8 bits or not."""
     t = Unknown("t")
 
-    def lighting(
-        light: int, hit: np.float32, occluder: np.float32, surface: tuple[float, float] = (0.0, 0.0)
-    ) -> Work:
+    def lighting(light: int, hit: np.float32, occluder: np.float32, surface: tuple[float, float] = (0.0, 0.0)) -> Work:
         inputs = LitTexels(
             _texel("origin", Unknown("t_max")), _texel("direction", Unknown("weight")), _texel("hit", hit),
             _texel("occluder", occluder),
@@ -194,7 +192,7 @@ def lighting_work(setup: Setup, unorm8: int, events: LitEvents) -> Work:
 def shot_events(generation: Generation, sender: Generation | None) -> ShotEvents:
     """Of a generation whose rays the hits of `sender` send (none: eye rays)."""
     return ShotEvents(
-        kind=int(generation.kind[0]) if len(generation.kind) else int(RayKind.EYE),
+        kind=int(generation.kind[0]),
         pixels=generation.counters["fragment.invocations"],
         senders=int((sender.hits.triangle >= 0).sum()) if sender is not None else 0,
         shot=int(generation.alive.sum()),
@@ -249,11 +247,11 @@ class QuadCosts:
         own, setup = generations[k], self._setup
         sender = generations[own.parent_generation] if own.parent_generation >= 0 else None
         shooting, vertices = shooting_work(setup, shot_events(own, sender)), own.counters["vertex.invocations"]
-        if (own.kind == RayKind.SHADOW).any():
+        if own.kind[0] == RayKind.SHADOW:
             return corner_work().times(vertices), shooting
         shadows: list[NDArray[np.bool_] | None] = [None] * setup.lights
         for each in generations[k + 1 :]:
-            if each.parent_generation == k and (each.kind == RayKind.SHADOW).any():
+            if each.parent_generation == k and each.kind[0] == RayKind.SHADOW:
                 assert each.light is not None
                 shadows[int(each.light[0])] = each.hits.triangle >= 0
         lighting = lit_events(own, shadows, self._surface_of, len(setup.surfaces))
