@@ -65,8 +65,8 @@ class Cells(click.ParamType):
 METHOD_OPTIONS = (
     click.option("--generations", type=int, metavar="N", help="Length of a path, the eye ray included."),
     click.option("--ior", type=float, metavar="X", help="Index of refraction of glass."),
-    click.option("--material", metavar="NAME", help="glass or mirror, for every triangle."),
-    click.option("--environment", metavar="NAME|FILE", help="What rays that leave see."),
+    click.option("--material", metavar="NAME", help="glass, mirror or diffuse, for every triangle."),
+    click.option("--environment", metavar="NAME|FILE", help="What rays that leave see, in the ray engines."),
     click.option("--facing", metavar="WHICH", help="both or front: the sides of a triangle that are hit."),
     click.option("--shading", metavar="NORMAL", help="geometric or smooth."),
     click.option("--view", type=Vector(), help="Direction from the scene's centre to the camera."),
@@ -78,7 +78,7 @@ METHOD_OPTIONS = (
     click.option("--passes", type=int, metavar="P", help="Rendering passes: depth of the ray tree, shadows included."),
     click.option("--acceleration", metavar="NAME", help="grid, naive or bvh."),
     click.option("--resolution", type=Cells(), metavar="N|NxNxN", help="Cells of the grid."),
-    click.option("--lights", type=int, metavar="N", help="How many of the scene's lights."),
+    click.option("--lights", type=int, metavar="N", help="How many of the scene's lights; 0: none."),
     click.option("--shadows/--no-shadows", default=None, help="Whether hits send rays to the lights."),
     click.option("--reflections/--no-reflections", default=None, help="Whether hits send on reflected rays."),
     click.option("--refractions/--no-refractions", default=None, help="Whether glass sends on refracted rays."),
@@ -88,7 +88,7 @@ METHOD_OPTIONS = (
     click.option("--primary", metavar="WHICH", help="rays or raster: how the first hits are found."),
     click.option("--emission-order", metavar="ORDER", help="listed, reflected_first or reversed."),
     click.option("--capacity", type=int, metavar="N", help="Records that a vertex buffer holds."),
-    click.option("--errata", metavar="WHICH", help="corrected or as_printed."),
+    click.option("--errata", metavar="WHICH", help="corrected, as_printed, or names such as GSR-E8, with commas."),
     click.option("--backend", metavar="NAME", help="numba or numpy."),
     click.option("--threads", type=int, metavar="N", help="Threads to run on."),
 )

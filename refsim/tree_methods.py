@@ -63,7 +63,7 @@ TREE = (
     whole("generations", None, 1, 256, "Another name of passes."),
     Option("acceleration", "grid", "Where rays look for triangles: grid, naive, bvh, or an Accelerator.", _accelerator),
     Option("resolution", None, "Cells of the grid: along its longest axis, or three numbers.", _resolution),
-    Option("lights", None, "Point lights, or how many of the scene's; by default all of these.", _lights),
+    Option("lights", None, "Point lights, or how many of the scene's; by default all, or one above it.", _lights),
     _flag("shadows", "Whether hits send rays to the lights."),
     _flag("reflections", "Whether mirrors, glass and reflecting diffuse surfaces send on reflected rays."),
     _flag("refractions", "Whether glass sends on refracted rays."),

@@ -127,7 +127,7 @@ def _files(
                 path = draw_figure(experiment, rows, out)
             yield path
     if index is not None:
-        yield write_index(index, wanted, out)
+        yield write_index(index, wanted, out, quick)
 
 
 def measure_cases(experiment: Experiment, quick: bool, out: Path, progress: Progress) -> Rows:
@@ -156,16 +156,18 @@ def draw_figure(experiment: Experiment, rows: Rows, out: Path) -> Path:
         return write_figure(path, experiment.plot(rows), key, experiment.dpi)
 
 
-def write_index(topic: str, wanted: list[Experiment], out: Path) -> Path:
+def write_index(topic: str, wanted: list[Experiment], out: Path, quick: bool = False) -> Path:
     """The topic's index: what there is, and how to read it."""
-    lines = [f"# {TITLES[topic]}: figures and tables", "", f"Made by `refsim reproduce {topic}`.", ""]
+    size = " --quick" if quick else ""
+    made = f"Made by `refsim reproduce {topic}{size}`" + (": smaller than the full ones." if quick else ".")
+    lines = [f"# {TITLES[topic]}: figures and tables", "", made, ""]
     for experiment in wanted:
         lines += [f"## {experiment.title}", ""]
         if experiment.plot is not None:
             lines += [f"![{experiment.title}]({experiment.id}.png)", ""]
         tables = sorted(path.name for path in out.glob(f"{experiment.id}*.csv"))
         files = ", ".join(f"[{name}]({name})" for name in tables)
-        alone = f"`refsim reproduce {topic} --only {experiment.id}`"
+        alone = f"`refsim reproduce {topic}{size} --only {experiment.id}`"
         lines += [experiment.caption, "", f"Data: {files}. Alone: {alone}.", ""]
     text = "\n".join(lines)
     return replace_file(out / INDICES[topic], lambda part: part.write_text(text, encoding="utf-8"))

@@ -28,13 +28,15 @@ MOST_NODES = 2**24
 
 
 def lights_of(scene: Scene, choice: Any) -> tuple[PointLight, ...]:
-    """The lights that the option `lights` means: the scene's (None), the first n, or those given."""
+    """What the option `lights` means: the scene's, or one if it has none (None), the first n, or those given."""
     if choice is None:
-        chosen = scene.lights
+        chosen = scene.lights_or_one
     elif isinstance(choice, int | np.integer) and not isinstance(choice, bool):
-        if not 0 <= choice <= len(scene.lights):
-            raise InputError(f"lights is {choice}; scene {scene.name!r} has {len(scene.lights)} lights.")
-        chosen = scene.lights[: int(choice)]
+        known = scene.lights_or_one
+        if not 0 <= choice <= len(known):
+            lights = "1 light" if len(known) == 1 else f"{len(known)} lights"
+            raise InputError(f"lights is {choice}; scene {scene.name!r} has {lights}.")
+        chosen = known[: int(choice)]
     else:
         chosen = tuple(choice) if isinstance(choice, Sequence) else (choice,)
     if not all(isinstance(light, PointLight) for light in chosen):

@@ -124,6 +124,13 @@ class Scene:
             unit = (given / length).astype(np.float32)
         return unit if usable.all() else np.where(usable, unit, area_weighted_normals(self.triangles))
 
+    @property
+    def lights_or_one(self) -> tuple[PointLight, ...]:
+        """The lights; where the scene has none, a white one to the right of the default view, above and in front: 0.5,
+        0.8, 0.7 of the box diagonal along x, y, z from the centre."""
+        x, y, z = (self.center + self.diagonal * np.array([0.5, 0.8, 0.7])).tolist()
+        return self.lights or (PointLight((x, y, z)),)
+
     def optical_indices(self, default_ior: float = 1.5) -> Float32:
         """float32[n]: per triangle, refractive index of glass (above 0), 0 mirror, -1 diffuse."""
         table = np.array([material.optical_index(default_ior) for material in self.materials], np.float32)

@@ -92,16 +92,26 @@ def test_without_refractions() -> None:
 
 
 def test_no_lights() -> None:
-    """Ambient light, mirrors and background remain; no shadow rays. A scene without lights is the same."""
+    """Ambient light, mirrors and background remain; no shadow rays."""
     none = box(lights=0)
     assert RayKind.SHADOW not in kinds(none) and RayKind.REFRACTED in kinds(none)
-    bare = traced(cornell().replace(lights=()), cornell_rays(), passes=4)
-    assert image_of(none).tobytes() == image_of(bare).tobytes()
+    bare = cornell().replace(lights=())
+    assert image_of(none).tobytes() == image_of(traced(bare, cornell_rays(), passes=4, lights=0)).tobytes()
     floor = image_of(traced(court(), court_rays(), passes=3, lights=0))[0]
     ambient = 0.2 * np.array([0.5, 0.4, 0.3])
     assert np.abs(floor[:6] - np.array([[1], [1], [0.5], [0.5], [0.5], [0.5]]) * ambient).max() <= 1e-7
     out = box(lights=(PointLight((0.0, 0.9, 0.0), intensity=0.0),))
     assert np.abs(image_of(out) - image_of(none)).max() <= 2.0**-23
+
+
+def test_a_scene_without_lights_gets_one() -> None:
+    """In front of it, above, on the right: as far as the box is large."""
+    bare = cornell().replace(lights=())
+    (given,) = bare.lights_or_one
+    assert np.allclose((np.array(given.position) - bare.center) / bare.diagonal, [0.5, 0.8, 0.7])
+    lit, same = traced(bare, cornell_rays(), passes=2), traced(bare, cornell_rays(), passes=2, lights=given)
+    assert image_of(lit).tobytes() == image_of(same).tobytes()
+    assert cornell().lights_or_one == cornell().lights
 
 
 def test_which_lights() -> None:

@@ -155,9 +155,10 @@ class LayerSize(NamedTuple):
 
 
 class WhichTarget(NamedTuple):
-    """The layer and target that a blending pass adds."""
+    """First row of the layer, and first plane of the target, that a blending pass adds."""
 
-    instance: i32
+    row: i32
+    plane: i32
 
 
 class Picture(NamedTuple):
@@ -170,14 +171,14 @@ class Picture(NamedTuple):
 def blending_vertex(u, t, attributes, vertex_index, instance_index):
     """A corner of the full-screen quad of one blending pass."""
     corner = attributes[0].position
-    return (corner[0], corner[1], F0, F1), F1, WhichTarget(I(instance_index))
+    layer, target = instance_index // u.targets, instance_index % u.targets
+    return (corner[0], corner[1], F0, F1), F1, WhichTarget(I(layer * u.height), I(4 * target))
 
 
 @func
 def blending_fragment(u, t, v, inputs, pixel):
     """A texel of one target of one layer, to be added to the image."""
-    layer, target = v.instance // u.targets, v.instance % u.targets
-    x, y, first = U(pixel[0]), U(layer * u.height + pixel[1]), U(4 * target)
+    x, y, first = U(pixel[0]), U(v.row + pixel[1]), U(v.plane)
     data = t.layers.data
     color = data[first, y, x], data[first + U(1), y, x], data[first + U(2), y, x], F1
     return True, F0, Picture(color)

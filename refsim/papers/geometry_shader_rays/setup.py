@@ -56,15 +56,16 @@ class Prepared:
 
 
 def lights_of(scene: Scene, choice: Any) -> tuple[PointLight, ...]:
-    """The lights asked for: the scene's (None), the first n of them, or point lights of one's own."""
-    known = scene.lights
+    """The lights asked for: the scene's, or one if it has none (None); the first n; or point lights of one's own."""
+    known = scene.lights_or_one
     if choice is None:
         chosen = known
     elif isinstance(choice, bool):
         raise InputError(f"lights must be a whole number or point lights, not {choice!r}.")
     elif isinstance(choice, int | np.integer):
         if not 0 <= choice <= len(known):
-            raise InputError(f"lights is {choice}; scene {scene.name!r} has {len(known)} lights.")
+            lights = "1 light" if len(known) == 1 else f"{len(known)} lights"
+            raise InputError(f"lights is {choice}; scene {scene.name!r} has {lights}.")
         chosen = known[: int(choice)]
     else:
         chosen = tuple(choice) if isinstance(choice, Sequence) else (choice,)
