@@ -190,7 +190,7 @@ def test_eight_bits_are_rounded_at_each_write() -> None:
         (Material("pane", "diffuse", (5 * step, 5 * step, 5 * step), reflectivity=0.5),),
     )
     rays = Rays(np.array([[0, 0, 1]], np.float32), np.array([[0, 0, -1]], np.float32), np.inf, 1, 1)
-    options: dict[str, Any] = {"passes": 2, "background": (step, step, step)}
+    options: dict[str, Any] = {"passes": 2, "lights": 0, "background": (step, step, step)}
     wide, narrow = (by_pixels(pane, rays, color_format=name, **options).image for name in FORMATS)
     assert wide is not None and narrow is not None
     assert np.allclose(wide * 255, 1.5) and (np.rint(wide * 255) == 2).all()
