@@ -1,0 +1,93 @@
+"""Shooting rays at traversal lists: which list a ray picks, in which order rays go, the loop, the counts.
+
+In: `TraversalLists`, one a layer; rays; out: `Found`. The other structures of this package that are compared with the
+lists (`boxes`, `ordered_stack`, `kd_search`) return the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from refsim.jit import specialise
+from refsim.papers.sphere_hierarchy import traversal
+from refsim.papers.sphere_hierarchy.directions import list_of_rays
+from refsim.papers.sphere_hierarchy.lists import TraversalLists
+from refsim.papers.sphere_hierarchy.packet import walk_packets
+from refsim.pipeline.threads import checked_threads, run_all
+from refsim.scene.rays import Hits, Rays
+
+Slots = dict[str, Any]
+
+
+class Found(NamedTuple):
+    """Hits, and exact counts a ray: nodes i32[n] (elements visited, spheres and triangles), triangle_tests i32[n].
+
+    Of any-hit searches only hit or miss means something. Sphere tests are nodes − triangle_tests.
+    """
+
+    hits: Hits
+    nodes: NDArray[np.int32]
+    triangle_tests: NDArray[np.int32]
+
+
+def search(
+    layers: Sequence[TraversalLists],
+    rays: Rays,
+    *,
+    starts: Sequence[NDArray[np.int32] | None] | None = None,
+    any_hit: bool = False,
+    facing: str = "both",
+    packet: bool = True,
+    threads: int | None = None,
+    slots: Slots | None = None,
+) -> Found:
+    """The nearest hit of each ray, or any.
+
+    layers   one or more lists in a row (section 5): the best hit is carried from one to the next. Their triangles are
+             numbered together: a layer's numbers follow those of the layer before
+    starts   per layer the element of its list at which each ray begins, i32[n], or None for the lists' heads
+    slots    device functions in the place of others of `traversal` (errata)
+    """
+    n = len(rays)
+    hits = Hits.misses(n)
+    nodes, tests = np.zeros(n, np.int32), np.zeros(n, np.int32)
+    workers = checked_threads(threads)
+    loop = specialise(walk_packets if packet else traversal.walk, slots or {})
+    order, offset = tile_order(rays.width, rays.height, n), 0
+    for k, lists in enumerate(layers):
+        picked = list_of_rays(rays.direction, lists.count)
+        head = None if starts is None else starts[k]
+        begin = np.zeros(n, np.int32) if head is None else head
+        rows = by_list(order, picked)
+        cuts = np.linspace(0, len(rows) // 64, 8 * workers + 1).astype(int) * 64
+        cuts[-1] = len(rows)
+        inputs = (
+            picked, begin, rays.origin, rays.direction, rays.t_max, lists.escape, lists.spheres, lists.payload,
+            lists.first, lists.records, lists.hierarchy.spheres[0], any_hit, facing == "front", np.int32(offset),
+        )  # fmt: skip
+        outputs = (hits.triangle, hits.t, hits.u, hits.v, nodes, tests)
+        parts = [rows[a:b] for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b > a]
+        run_all("traversal", workers, [lambda part=part: loop(part, *inputs, *outputs) for part in parts])
+        offset += len(lists.hierarchy.triangles)
+    return Found(hits, nodes, tests)
+
+
+@lru_cache(maxsize=8)
+def tile_order(width: int | None, height: int | None, count: int) -> NDArray[np.int32]:
+    """Rows of rays by tiles of 8 × 8 pixels, four of them a block of 16 × 16; as they come where there is no image."""
+    rows = np.arange(count, dtype=np.int32)
+    if width is None or height is None:
+        return rows
+    y, x = np.divmod(rows, np.int32(width))
+    keys = [part.astype(np.int32) for part in (y // 16, x // 16, y // 8, x // 8)]
+    return np.ascontiguousarray(np.lexsort(keys[::-1]).astype(np.int32))
+
+
+def by_list(order: NDArray[np.int32], picked: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The same rows, those of one list together, otherwise in the same order."""
+    return order[np.argsort(picked[order].astype(np.int8), kind="stable")]
