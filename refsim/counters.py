@@ -44,6 +44,8 @@ _DECLARED = (
     Counter("fragment.written", "fragments", "Fragments that passed everything and were written to the targets."),
     Counter("blend.fragments", "fragments", "Written fragments that were blended in at least one target."),
     Counter("intersection.triangle_tests", "tests", "Ray–triangle tests: one a run of the intersection shader."),
+    Counter("intersection.sphere_tests", "tests", "Ray–sphere tests: one an internal node that a ray visits."),
+    Counter("traversal.nodes", "nodes", "Elements of traversal lists that rays visited, spheres and triangles."),
     Counter("intersection.degenerate_triangles", "triangles", "Zero-area triangles of the scene: kept, never hit."),
     Counter("cone.sphere_tests", "tests", "Cone–sphere tests: one per triangle, tile and generation."),
     Counter("cone.pairs_kept", "pairs", "Pairs of tile and triangle that the cone–sphere test let through."),

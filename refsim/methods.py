@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from refsim.errors import InputError
+from refsim.list_method import LIST, run_traversal_list
 from refsim.options import Option, checked, choice, nearest, real, whole
 from refsim.pipeline.state import DepthStencilFormat, EarlyTests
 from refsim.pipeline.taps import Taps
@@ -161,6 +162,13 @@ METHODS: dict[str, Method] = {
             (*TREE, *COMMON, TAPS),
             run_fragment_grid,
             _reference("fragment_grid"),
+        ),
+        Method(
+            "traversal_list",
+            "Direction-sorted lists of a sphere hierarchy, walked without a stack (Toczek, Houzet and Mancini 2010).",
+            (GENERATIONS, *COMMON, *LIST),
+            run_traversal_list,
+            _reference("traversal_list"),
         ),
     )
 }

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from refsim.counters import Counters
+from refsim.geometry.following_rays import new_rays
 from refsim.geometry.triangle import pack_triangles
 from refsim.jit import specialise
-from refsim.papers.brute_force.kernels import nearest_hits, new_rays
+from refsim.papers.brute_force.kernels import nearest_hits
 from refsim.pipeline.draw import default_threads
 from refsim.results import Generation, RayKind, Trace, summed_per_ray
 from refsim.scene.mesh import Scene

@@ -7,7 +7,8 @@ sextant_same      what must be meant: a normal of the list's own sextant. True i
                   d = (1, .9, .9) and n = (1, −.9, −.9) share a sextant and d · n < 0 (BSH-E1)
 sextant_safe      n_a ≥ |n_b| + |n_c|, a the list's axis: then d · n ≥ d_a (n_a − |n_b| − |n_c|) ≥ 0 for every d of the
                   sextant; arcsin(1/3)/π = 10.8 % of all normals instead of the 16.67 % printed
-octant            s_a n_a ≥ 0 for every component, s the list's signs: d · n ≥ 0; 12.5 %, the text prints 12.25 % (BSH-E2)
+octant            s_a n_a ≥ 0 for every component, s the list's signs: d · n ≥ 0; 12.5 %, where the text prints
+                  12.25 % (BSH-E2)
 
 The normal is the float32 one that the intersection test reads. It decides with d · n in float32, which may differ in
 sign from the exact product by rounding, so the safe rules ask for a surplus of 4 eps |n|, twice what the three

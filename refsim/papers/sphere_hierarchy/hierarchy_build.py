@@ -39,8 +39,8 @@ def triangle_sizes(triangles, margin, size, barycentre):
         x, y, z = box_barycentre(triangles, row)
         size[row] = reach_of(triangles, row, margin, np.float64(x), np.float64(y), np.float64(z))
         for a in range(3):
-            total = np.float64(triangles[row, 0, a]) + np.float64(triangles[row, 1, a]) + np.float64(triangles[row, 2, a])
-            barycentre[row, a] = total / 3.0
+            first_two = np.float64(triangles[row, 0, a]) + np.float64(triangles[row, 1, a])
+            barycentre[row, a] = (first_two + np.float64(triangles[row, 2, a])) / 3.0
 
 
 @func

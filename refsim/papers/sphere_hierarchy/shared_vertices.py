@@ -37,7 +37,8 @@ def join(bits, table, first, corners):  # type: ignore[no-untyped-def]
     count = 0
     for row in range(bits.shape[0]):
         x, y, z = bits[row, 0], bits[row, 1], bits[row, 2]
-        mixed = np.uint32(x * np.uint32(0x9E3779B1)) ^ np.uint32(y * np.uint32(0x85EBCA77)) ^ np.uint32(z * np.uint32(0xC2B2AE3D))
+        mixed = np.uint32(x * np.uint32(0x9E3779B1)) ^ np.uint32(y * np.uint32(0x85EBCA77))
+        mixed ^= np.uint32(z * np.uint32(0xC2B2AE3D))
         mixed ^= mixed >> np.uint32(15)
         mixed = np.uint32(mixed * np.uint32(0x2C1B3C6D))
         mixed ^= mixed >> np.uint32(13)

@@ -1,4 +1,4 @@
-"""The pseudo-code of section 2.1, for one ray at a time: device functions, and the scalar loop. Templates of `refsim.jit`.
+"""The pseudo-code of section 2.1, a ray at a time: device functions, and the scalar loop. Templates of `refsim.jit`.
 
 **Sphere.** "intersectionParameter < param" must mean the entry root, clamped at the ray's start (BSH-E5). The segment
 from 0 to param meets the ball exactly then, so the test is the distance of the centre from that segment: the same
