@@ -62,6 +62,20 @@ class Cells(click.ParamType):
         return cells[0] if len(cells) == 1 else cells
 
 
+class Rows(click.ParamType):
+    """``968`` or ``968,2000``: rows of the scene's triangles."""
+
+    name = "rows"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, ...]:
+        if isinstance(value, tuple):
+            return value
+        try:
+            return tuple(int(n) for n in value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not a row number such as 968 or a list such as 968,2000", param, ctx)
+
+
 METHOD_OPTIONS = (
     click.option("--generations", type=int, metavar="N", help="Length of a path, the eye ray included."),
     click.option("--ior", type=float, metavar="X", help="Index of refraction of glass."),
@@ -88,6 +102,16 @@ METHOD_OPTIONS = (
     click.option("--primary", metavar="WHICH", help="rays or raster: how the first hits are found."),
     click.option("--emission-order", metavar="ORDER", help="listed, reflected_first or reversed."),
     click.option("--capacity", type=int, metavar="N", help="Records that a vertex buffer holds."),
+    click.option("--lists", type=int, metavar="N", help="1, 2, 6 or 8 traversal lists."),
+    click.option("--order", metavar="POLICY", help="earliest_first or latest_last: how a list's siblings are sorted."),
+    click.option("--culling", metavar="RULE", help="sextant_opposite, sextant_same, sextant_safe or octant."),
+    click.option("--heads", metavar="KIND", help="simple or regular: per-polygon heads of the lists."),
+    click.option("--screen-cells", type=int, metavar="N", help="Heads for N x N cells of the picture."),
+    click.option("--head-rule", metavar="RULE", help="leaf or climb: which element becomes a head."),
+    click.option("--packet/--no-packet", default=None, help="Whether 64 rays walk a list together."),
+    click.option("--threshold", type=float, metavar="X", help="How big a triangle is that stays at its node, 0 to 1."),
+    click.option("--layers", type=Rows(), metavar="ROW,...", help="Rows at which further layers of lists begin."),
+    click.option("--stage", metavar="STAGE", help="fragment or vertex: lists walked in a shader of the pipeline."),
     click.option("--errata", metavar="WHICH", help="corrected, as_printed, or names such as GSR-E8, with commas."),
     click.option("--backend", metavar="NAME", help="numba or numpy."),
     click.option("--threads", type=int, metavar="N", help="Threads to run on."),

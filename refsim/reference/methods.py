@@ -18,16 +18,18 @@ from refsim.errors import InputError
 from refsim.reference import engines
 from refsim.reference.pixel_rays import fragment_grid
 from refsim.reference.point_rays import geometry_shader
+from refsim.reference.sphere_paths import traversal_list
 from refsim.reference.surfaces import Surfaces, following_rays, shoot
 from refsim.results import Generation, Trace, summed_per_ray
 from refsim.scene.mesh import Scene
 from refsim.scene.rays import Rays
 
 Pass = Callable[[int, Rays, np.ndarray], Generation]
-# Methods that follow a tree of rays a pixel
+# Methods that do their own generations: those that follow a tree of rays a pixel, and the traversal lists
 TREES: Mapping[str, Callable[[Scene, Rays, Mapping[str, Any]], Trace]] = {
     "geometry_shader": geometry_shader,
     "fragment_grid": fragment_grid,
+    "traversal_list": traversal_list,
 }
 
 

@@ -70,7 +70,7 @@ def prepare(scene: Scene, options: ListOptions) -> Prepared:
         from refsim.papers.sphere_hierarchy.polygon_heads import polygon_heads
 
         heads = tuple(
-            polygon_heads(lists, scene.triangles, options.heads, options.head_rule, options.threads)
+            polygon_heads(lists, scene.triangles, options.heads, options.head_rule, options.threads, scene.epsilon)
             for lists in layers
-        )
+        )  # fmt: skip
     return Prepared(scene, options, tuple(layers), heads)

@@ -64,9 +64,8 @@ def _starts(prepared: Prepared, rays: Rays, k: int, left: NDArray[np.int32]) -> 
     if k > 0 and prepared.heads is not None:
         from refsim.papers.sphere_hierarchy.polygon_heads import polygon_starts
 
-        scene = prepared.scene
         return [
-            polygon_starts(heads, lists, rays, left, scene.epsilon, any_side=options.printed.E9)
+            polygon_starts(heads, lists, rays, left, any_side=options.printed.E9)
             for heads, lists in zip(prepared.heads, prepared.layers, strict=True)
         ]
     return None

@@ -1,0 +1,112 @@
+"""Options of the method: what they mean together, and what is refused in one sentence.
+
+Plan
+- Culling needs its number of lists and facing="front": every mismatch of the table is refused, every fit accepted.
+- Values that no option has: refused by name, with the values there are. Layers that the scene does not have.
+- Screen cells need an image. generations, ior, material, shading as in every other method (same bits as brute force).
+- On the command line: options reach the method; a bad one exits with 2 and one line.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import refsim
+from refsim import InputError
+from refsim.cli import main
+from tests.bsh.traced import bits, eye_rays, mixed, traced, wild_rays
+
+RULES = {"sextant_opposite": 6, "sextant_same": 6, "sextant_safe": 6, "octant": 8}
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("lists", [1, 2, 6, 8])
+@pytest.mark.parametrize("facing", ["both", "front"])
+def test_culling_needs_its_lists_and_one_side(rule: str, lists: int, facing: str) -> None:
+    if lists == RULES[rule] and facing == "front":
+        assert traced(mixed(), eye_rays()[:8], culling=rule, lists=lists, facing=facing, generations=1)
+        return
+    named = f"needs lists={RULES[rule]}" if lists != RULES[rule] else "needs facing='front'"
+    with pytest.raises(InputError, match=f"culling='{rule}' {named}"):
+        traced(mixed(), eye_rays(), culling=rule, lists=lists, facing=facing)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"lists": 4}, "lists is 4; it must be one of 1, 2, 6, 8"),
+        ({"order": "first"}, "order is 'first'"),
+        ({"culling": "sextant"}, "culling is 'sextant'"),
+        ({"heads": "clever"}, "heads is 'clever'"),
+        ({"head_rule": "root"}, "head_rule is 'root'"),
+        ({"screen_cells": 0}, "screen_cells is 0; it must be a whole number from 1 to 4096"),
+        ({"screen_cells": 2.5}, "screen_cells is 2.5"),
+        ({"packet": 1}, "packet is 1; it must be one of True, False"),
+        ({"threshold": 0.0}, "threshold is 0.0; it must be a number above 0 and at most 1"),
+        ({"threshold": 1.5}, "threshold is 1.5"),
+        ({"layers": (0,)}, "layers is \\(0,\\)"),
+        ({"layers": "60"}, "layers is '60'"),
+        ({"layers": (40, 40)}, "they must ascend within 102 triangles"),
+        ({"layers": (60, 30)}, "they must ascend"),
+        ({"layers": (102,)}, "they must ascend"),
+        ({"shadows": "yes"}, "shadows is 'yes'"),
+        ({"stage": "geometry"}, "stage is 'geometry'"),
+        ({"tile_size": 8}, "has no option 'tile_size'"),
+        ({"generations": 0}, "generations is 0"),
+    ],
+    ids=str,
+)
+def test_refusals(options: dict[str, Any], sentence: str) -> None:
+    assert len(mixed()) == 102
+    with pytest.raises(InputError, match=sentence):
+        traced(mixed(), eye_rays(), **options)
+
+
+def test_screen_cells_need_an_image() -> None:
+    with pytest.raises(InputError, match="screen_cells"):
+        traced(mixed(), wild_rays(mixed(), 20, 1), screen_cells=4)
+
+
+def test_layers_in_any_form() -> None:
+    one = traced(mixed(), eye_rays(), layers=60)
+    assert bits(one) == bits(traced(mixed(), eye_rays(), layers=[60])) == bits(traced(mixed(), eye_rays()))
+    assert one.options["layers"] == (60,)
+
+
+@pytest.mark.parametrize(
+    "options", [{"ior": 0.7}, {"shading": "smooth"}, {"material": "mirror"}, {"generations": 2}, {"facing": "front"}], ids=str
+)
+def test_shared_options_mean_what_they_mean_elsewhere(options: dict[str, Any]) -> None:
+    ours = traced(mixed(), eye_rays(), heads="regular", screen_cells=3, **options)
+    brute = refsim.trace("brute_force", mixed(), eye_rays(), **{"generations": 4, **options})
+    assert bits(ours) == bits(brute)
+
+
+def run(*arguments: str) -> int:
+    return main(["render", "traversal_list", "cubes", "--size", "16", *arguments])
+
+
+def test_the_command_line_reaches_the_method(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = {
+        "lists": "8", "order": "latest_last", "culling": "octant", "facing": "front", "heads": "simple",
+        "head-rule": "climb", "screen-cells": "4", "threshold": "0.4", "layers": "100,200", "generations": "2",
+    }  # fmt: skip
+    words = [word for name, value in given.items() for word in (f"--{name}", value)]
+    assert run(*words, "--shadows", "--no-packet", "--json", "--out", str(tmp_path / "cubes.png")) == 0
+    options = json.loads(capsys.readouterr().out)["options"]
+    assert options["layers"] == [100, 200] and options["packet"] is False and options["screen_cells"] == 4
+    assert (tmp_path / "cubes.png").stat().st_size > 0
+
+
+@pytest.mark.parametrize(
+    "words", [["--culling", "octant"], ["--lists", "3"], ["--layers", "x"], ["--layers", "900"], ["--heads", "all"]], ids=str
+)
+def test_a_bad_option_exits_with_2(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "none.png"
+    assert run(*words, "--out", str(out)) == 2 and not out.exists()
+    said = capsys.readouterr().err
+    assert said.startswith("refsim: ") and said.count("\n") == 1
