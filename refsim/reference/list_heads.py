@@ -8,16 +8,19 @@ for climbing are those of `refsim.papers.sphere_hierarchy.heads`, which says why
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
-from refsim.reference.sphere import acceptance_margin
+from refsim.errors import InputError
 from refsim.reference.traversal_lists import Lists, directions, list_of_rays
-from refsim.reference.vector import dot, length
+from refsim.reference.vector import cross, dot, length
+from refsim.scene.rays import Rays
 
 SLACK = 20 * 2.0**-24
 SMALLEST, LARGEST = 2.0**-60, 2.0**60
-LEAST_COSINE = 2.0**-48
+LEAST_COSINE, FORWARD = 2.0**-48, 2.0**-10
+MOST_CELLS = 1024
 
 
 @dataclass(frozen=True)
@@ -59,12 +62,12 @@ def are_out(lists: Lists, number: int, planes: Planes) -> np.ndarray:
     leaf = lists.is_triangle()[part]
     spheres, rows = lists.spheres[part][~leaf].astype(np.float64), lists.payload[part, 3][leaf]
     corners = lists.tree.triangles[rows].astype(np.float64)
-    margin = acceptance_margin(lists.tree.triangles)[rows]
+    margin = lists.tree.margin[rows]
     out = np.zeros(len(leaf), np.bool_)
     for normal, offset in zip(planes.normal, planes.offset, strict=True):
         size = length(normal)
         out[~leaf] |= dot(normal[None], spheres[:, :3]) + size * spheres[:, 3] < offset
-        out[leaf] |= dot(normal[None, None], corners).max(axis=1) + size * margin < offset
+        out[leaf] |= dot(normal[None, None], corners).max(axis=1) < offset - size * margin
     return out
 
 
@@ -148,3 +151,80 @@ class PolygonHeads:
             if any_side or (leaves and within.all()):
                 starts[row] = self.head(number, polygon)
         return starts
+
+
+def cells_of(rays: Rays, cells: int) -> np.ndarray:
+    """The cell of each ray of an image, i32[n], of cells × cells equal parts, row-major."""
+    if isinstance(cells, bool) or not isinstance(cells, int | np.integer) or not 1 <= cells <= MOST_CELLS:
+        raise InputError(f"screen_cells must be a whole number from 1 to {MOST_CELLS}, not {cells!r}.")
+    if rays.width is None or rays.height is None:
+        raise InputError("screen_cells needs the rays of an image, with width and height: these rays have neither.")
+    y, x = np.divmod(np.arange(len(rays)), rays.width)
+    return (y * cells // rays.height) * cells + x * cells // rays.width
+
+
+def cell_starts(lists: Lists, rays: Rays, cells: int, climbs: bool) -> np.ndarray:
+    """Section 3.2, i32[n]: one head for the live rays of a cell that take the same list."""
+    starts = np.zeros(len(rays), np.int32)
+    cell, number = cells_of(rays, cells), list_of_rays(rays.direction, lists.count)
+    alive = rays.direction.any(axis=1)
+    for which in range(cells * cells):
+        for k in range(lists.count):
+            of_set = alive & (cell == which) & (number == k)
+            if of_set.any():
+                starts[of_set] = cell_head(lists, k, rays.origin[of_set], rays.direction[of_set], climbs)
+    return starts
+
+
+def cell_head(lists: Lists, number: int, origin: np.ndarray, direction: np.ndarray, climbs: bool) -> int:
+    """The head of a set of rays f32[n, 3]."""
+    planes = beam(origin.astype(np.float64), direction.astype(np.float64), ball_around(lists.tree.triangles))
+    if planes is None:
+        return 0
+    leaf = first_leaf(lists, number, planes)
+    first, end = lists.first[number], lists.first[number + 1]
+    if not climbs or first + leaf == end:
+        return leaf
+    # Expected visits, counted from the root downwards: a node around the leaf met with chance p costs p C − S
+    path = [*nodes_around(lists, number, leaf), leaf]
+    above = lists.above[first:end]
+    cost, least, best, chance = 0.0, 0.0, path[0], 1.0
+    for node, child in pairwise(path):
+        sphere = lists.spheres[first + node].astype(np.float64)
+        chance = min(chance, share_of(planes, 0, sphere) * share_of(planes, 2, sphere))
+        children = np.flatnonzero(above == node)
+        cost -= chance * len(children) - int((children > child).sum())
+        if cost < least:
+            least, best = cost, child
+    return best
+
+
+def share_of(planes: Planes, k: int, sphere: np.ndarray) -> float:
+    """The part of the width between planes k and k + 1, which face each other, that a ball f64[4] covers."""
+    a, b = (
+        (dot(planes.normal[j], sphere[:3]) - planes.offset[j]) / length(planes.normal[j]) for j in (k, k + 1)
+    )
+    width, covered = a + b, np.minimum(a, sphere[3]) + np.minimum(b, sphere[3])
+    with np.errstate(all="ignore"):
+        return 1.0 if not covered < width else float(np.maximum(covered / width, 0.0))
+
+
+def beam(origin: np.ndarray, direction: np.ndarray, ball: np.ndarray) -> Planes | None:
+    """The five half-spaces that hold a set of rays f64[n, 3]: of their slopes along u and v about their mean m, and of
+    m itself; None where they spread too far."""
+    mean = np.cumsum(direction, axis=0)[-1] / len(direction)
+    if not length(mean) > FORWARD:
+        return None
+    m = mean / length(mean)
+    axis = int(np.argmin(np.abs(m)))  # of equal ones the first
+    u = (np.array([0.0, m[2], -m[1]]), np.array([-m[2], 0.0, m[0]]), np.array([m[1], -m[0], 0.0]))[axis]
+    u = u / length(u)
+    v = cross(m, u)
+    forward = dot(m, direction)
+    if not (forward > FORWARD).all():
+        return None
+    a, b = dot(u, direction) / forward, dot(v, direction) / forward
+    normal = np.stack([u - a.min() * m, a.max() * m - u, v - b.min() * m, b.max() * m - v, m])
+    slack = slack_at(origin, ball)
+    offset = (dot(normal[:, None], origin[None]) - length(normal)[:, None] * slack).min(axis=1)
+    return Planes(normal, offset)

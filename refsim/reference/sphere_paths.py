@@ -1,8 +1,8 @@
 """The method "traversal_list" in plain NumPy: lists, generations, shadow rays (Efficient Stackless Ray Traversal).
 
 Twin of `refsim.papers.sphere_hierarchy.tracer`: the same rays, hits and counts, to the bit. `packet`, `threads` and
-`stage` say where and in which order the same steps are taken, so they change nothing here; without a pipeline there are
-no counts of one.
+`stage` say where and in which order the same steps are taken, so they change no ray here; what a stage's draws would
+count is known without them.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ import numpy as np
 
 from refsim.counters import Counters
 from refsim.errors import InputError
+from refsim.reference import engines
+from refsim.reference.list_heads import PolygonHeads, cell_starts
 from refsim.reference.list_search import Walked, walk
 from refsim.reference.sphere_tree import sphere_tree
 from refsim.reference.surfaces import Following, Surfaces, following_rays
@@ -34,14 +36,16 @@ def traversal_list(scene: Scene, rays: Rays, options: Mapping[str, Any]) -> Trac
         tree = sphere_tree(scene.triangles[begin:end], options["threshold"])
         layers.append(traversal_lists(tree, options["lists"], options["order"], options["culling"]))
     surfaces = Surfaces.of(scene, options)
+    heads = polygon_heads(scene, surfaces, layers, options)
     light = np.array(scene.lights_or_one[0].position, np.float32) if options["shadows"] else None
     kind, left = np.zeros(len(rays), np.int32), np.full(len(rays), -1, np.int32)
     generations: list[Generation] = []
     for k in range(options["generations"]):
-        starts = [starts_of(scene, lists, rays, k, left, options) for lists in layers]
+        starts = starts_of(layers, heads, rays, k, left, options)
         found = shoot(layers, rays, kind == RayKind.SHADOW, starts, options)
         new = next_rays(surfaces, rays, kind, found, light)
         generations.append(generation_of(k, rays, kind, found, new))
+        count_draws(generations[-1], options["stage"], len(layers))
         following = generations[-1].next_rays
         assert following is not None
         rays, kind, left = following, new.kind, found.triangle
@@ -56,8 +60,9 @@ def traversal_list(scene: Scene, rays: Rays, options: Mapping[str, Any]) -> Trac
 def check_options(scene: Scene, options: Mapping[str, Any]) -> None:
     """What the options cannot say one by one."""
     culling, lists = options["culling"], options["lists"]
-    if culling is not None and lists != (8 if culling == "octant" else 6):
-        raise InputError(f"culling={culling!r} does not go with lists={lists}.")
+    needed = 8 if culling == "octant" else 6
+    if culling is not None and lists != needed:
+        raise InputError(f"culling={culling!r} needs lists={needed}, not lists={lists}.")
     if culling is not None and options["facing"] != "front":
         raise InputError(f"culling={culling!r} needs facing='front': the back of a triangle may be hit by any ray.")
     cuts = (0, *options["layers"], len(scene))
@@ -73,11 +78,30 @@ def printed(options: Mapping[str, Any], erratum: str) -> bool:
     return errata == "as_printed" or erratum in names
 
 
+def polygon_heads(
+    scene: Scene, surfaces: Surfaces, layers: list[Lists], options: Mapping[str, Any]
+) -> list[PolygonHeads]:
+    """Heads of every polygon in each layer's lists; none where the option is None."""
+    if options["heads"] is None:
+        return []
+    regular, climbs = options["heads"] == "regular", options["head_rule"] == "climb"
+    epsilon = float(scene.epsilon)
+    if not 0.0 < epsilon < np.inf:
+        raise InputError(f"epsilon must be a distance above 0, not {scene.epsilon!r}.")
+    return [PolygonHeads(lists, scene.triangles, surfaces.n, epsilon, regular, climbs) for lists in layers]
+
+
 def starts_of(
-    scene: Scene, lists: Lists, rays: Rays, k: int, left: np.ndarray, options: Mapping[str, Any]
-) -> np.ndarray | None:
-    """The element of its list at which each ray begins: its screen cell's head, or that of the polygon it left."""
-    return None
+    layers: list[Lists], heads: list[PolygonHeads], rays: Rays, k: int, left: np.ndarray, options: Mapping[str, Any]
+) -> list[np.ndarray | None]:
+    """Per layer the element of its list at which each ray begins: its screen cell's head, or that of the polygon which
+    it left (`left` i32[n])."""
+    if k == 0 and options["screen_cells"] is not None:
+        climbs = options["head_rule"] == "climb"
+        return [cell_starts(lists, rays, options["screen_cells"], climbs) for lists in layers]
+    if k > 0 and heads:
+        return [each.starts(rays.origin, rays.direction, left, printed(options, "E9")) for each in heads]
+    return [None] * len(layers)
 
 
 def shoot(
@@ -135,3 +159,25 @@ def generation_of(k: int, rays: Rays, kind: np.ndarray, found: Walked, new: Foll
         np.where(alive & (k > 0), pixel, -1).astype(np.int32), {"nodes": found.nodes, "triangle_tests": found.tests},
         counters, None, following, new.kind,
     )  # fmt: skip
+
+
+def count_draws(generation: Generation, stage: str | None, layers: int) -> None:
+    """Draws of the pipeline: one a layer, and as many again where shadow rays are searched beside others. "fragment":
+    a quad over the rays' image; "vertex": a point a ray, captured."""
+    shadow = generation.kind == RayKind.SHADOW
+    searches = 2 if shadow.any() and (generation.alive & ~shadow).any() else 1
+    rays, counters = generation.rays, generation.counters
+    for _ in range(searches * layers if stage is not None else 0):
+        if stage == "fragment":
+            engines.count_quads(counters, 1)
+            for name in ("raster.fragments", "fragment.invocations", "fragment.written"):
+                counters.add(name, len(engines.Image.of(rays)))
+            for name in ("stencil.failed_early", "depth.failed_early", "fragment.discarded", "stencil.failed",
+                         "depth.failed"):  # fmt: skip
+                counters.add(name, 0)
+        else:
+            counters.add("draw.calls", 1)
+            for name in ("vertex.invocations", "assembly.primitives", "stream_output.generated",
+                         "stream_output.primitives"):  # fmt: skip
+                counters.add(name, len(rays))
+            counters.add("stream_output.overflowed", 0)

@@ -18,9 +18,11 @@ from refsim.reference.vector import dot
 
 @dataclass(frozen=True, eq=False)
 class SphereTree:
-    """spheres f32[m, 4], centre and radius; parent i32[m], −1 the root; owner i32[n], the node a triangle belongs to."""
+    """spheres f32[m, 4], centre and radius; parent i32[m], −1 the root; owner i32[n], the node a triangle belongs to;
+    margin f64[n], how far outside a triangle float32 may accept a hit."""
 
     triangles: np.ndarray
+    margin: np.ndarray
     spheres: np.ndarray
     parent: np.ndarray
     owner: np.ndarray
@@ -56,7 +58,7 @@ def sphere_tree(triangles: np.ndarray, threshold: float) -> SphereTree:
             node_of(rest[group], node)
 
     node_of(np.arange(len(triangles)), -1)
-    return SphereTree(triangles, np.array(spheres, np.float32), np.array(parent, np.int32), owner)
+    return SphereTree(triangles, margin, np.array(spheres, np.float32), np.array(parent, np.int32), owner)
 
 
 def box_centre(triangles: np.ndarray) -> np.ndarray:

@@ -71,7 +71,9 @@ def list_of_rays(direction: np.ndarray, lists: int) -> np.ndarray:
     return (six if lists == 6 else np.zeros(len(below))).astype(np.int32)
 
 
-def culled(normals: np.ndarray, degenerate: np.ndarray, along: tuple[float, float, float], rule: str | None) -> np.ndarray:
+def culled(
+    normals: np.ndarray, degenerate: np.ndarray, along: tuple[float, float, float], rule: str | None
+) -> np.ndarray:
     """Which triangles (normals f32[n, 3]) a list leaves out by that rule, bool[n]."""
     n = normals.astype(np.float64)
     if rule is None:

@@ -11,6 +11,7 @@ from refsim.scene.environment import (
     Uniform,
     load_environment,
 )
+from refsim.scene.lenses import fisheye_rays, thin_lens_rays
 from refsim.scene.library import library_scene
 from refsim.scene.light import PointLight
 from refsim.scene.load import load_scene, missing_meshes, scene_names
@@ -36,9 +37,11 @@ __all__ = [
     "Uniform",
     "camera_frame",
     "camera_rays",
+    "fisheye_rays",
     "library_scene",
     "load_environment",
     "load_scene",
     "missing_meshes",
     "scene_names",
+    "thin_lens_rays",
 ]

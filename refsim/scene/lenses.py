@@ -73,7 +73,7 @@ def fisheye_rays(
     """
     camera_rays(scene, width, height, view)  # the checks
     _, right, up, forward = camera_frame(scene, view)
-    if isinstance(fov, bool) or not isinstance(fov, int | float | np.number) or not 0.0 < fov <= 360.0:
+    if isinstance(fov, bool) or not isinstance(fov, int | float | np.integer | np.floating) or not 0.0 < fov <= 360.0:
         raise InputError(f"fov must be an angle in degrees above 0 and at most 360, not {fov!r}")
     _check_number(distance, "distance", 0.0, "a number of diagonals, zero or more")
     x = (np.arange(width) + 0.5) * 2.0 - width
@@ -96,10 +96,10 @@ def _image(
         raise InputError(f"the camera of scene {scene.name!r} would stand outside the range of float32")
     length = np.sqrt((direction * direction).sum(axis=1, keepdims=True))
     unit = direction / np.where(length > 0.0, length, 1.0)
-    return Rays(origin.astype(np.float32), unit.astype(np.float32), np.inf, int(width), int(height))
+    return Rays(origin.astype(np.float32), unit.astype(np.float32), width=int(width), height=int(height))
 
 
 def _check_number(value: object, name: str, least: float, meaning: str) -> None:
-    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if not (number and math.isfinite(value) and value >= least):  # type: ignore[arg-type]
+    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not (number and math.isfinite(float(value)) and float(value) >= least):  # type: ignore[arg-type]
         raise InputError(f"{name} must be {meaning}, not {value!r}")

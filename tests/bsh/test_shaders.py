@@ -9,7 +9,7 @@ Plan
   with 1 and 2 threads; counters as reckoned by hand, and the conservation laws.
 - Taps change nothing and hold what was found. A draw that does nothing finds nothing. Lists are bound, not copied: an
   update is seen. A second search compiles nothing.
-- Stages and slots that do not exist are refused.
+- Stages and slots that do not exist are refused, and lists and rays that are too many for a texture.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from refsim import Rays, camera_rays, load_scene
 from refsim.counters import Counters
 from refsim.errors import InputError
+from refsim.papers.sphere_hierarchy import list_textures
 from refsim.papers.sphere_hierarchy import shader_search as module
 from refsim.papers.sphere_hierarchy.errata import misses_by_exit_root
 from refsim.papers.sphere_hierarchy.hierarchy import hierarchy_of
@@ -242,9 +243,16 @@ def test_a_second_search_compiles_nothing() -> None:
         assert program_of.cache_info().misses == before
 
 
-def test_what_does_not_exist_is_refused() -> None:
+def test_what_does_not_exist_or_fit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     layers, rays = knot()
     with pytest.raises(InputError, match="stage is 'geometry'; it must be one of 'fragment', 'vertex'"):
         shader_search(layers, rays, stage="geometry")
     with pytest.raises(InputError, match="slot 'misses_spheres' is none of the traversal's: misses_sphere"):
         shader_search(layers, rays, slots={"misses_spheres": misses_by_exit_root})
+    monkeypatch.setattr(list_textures, "MOST_TEXELS", 2000)
+    with pytest.raises(InputError, match="texels of a list are more than the 2000 of a one-dimensional texture"):
+        shader_search(layers, rays)
+    monkeypatch.setattr(list_textures, "MAX_TARGET_PIXELS", 383)
+    with pytest.raises(InputError, match="24 × 16 rays are more than a target of 383 pixels holds"):
+        shader_search([], rays)
+    assert not shader_search([], rays, stage="vertex").hits.hit.any()

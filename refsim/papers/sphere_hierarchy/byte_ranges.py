@@ -66,9 +66,9 @@ class Changes(NamedTuple):
 def changed_entries(old: NDArray, new: NDArray) -> NDArray[np.int64]:
     """Rows of `new` (4-byte numbers) whose bits differ from those of `old`, or that are behind its end."""
     common = min(len(old), len(new))
-    before, after = (array.reshape(len(array), -1).view(np.int32) for array in (old, new))
+    other = old[:common].view(np.int32) != new[:common].view(np.int32)
     differs = np.ones(len(new), np.bool_)
-    differs[:common] = (before[:common] != after[:common]).any(axis=1)
+    differs[:common] = other.any(axis=1) if other.ndim == 2 else other
     return np.flatnonzero(differs)
 
 
@@ -76,8 +76,7 @@ def ranges_of(entries: NDArray[np.int64], size: int, gap: int) -> Ranges:
     """Ranges of ascending entries of `size` bytes each."""
     if not len(entries):
         return np.empty((0, 2), np.int64)
-    begins = np.flatnonzero(np.diff(entries, prepend=-gap - 2) - 1 > gap // size)
-    begins = np.union1d(begins, [0])
+    begins = np.append(0, 1 + np.flatnonzero(np.diff(entries) - 1 > gap // size))
     ends = np.append(begins[1:], len(entries)) - 1
     offset = entries[begins] * size
     return np.column_stack([offset, (entries[ends] + 1) * size - offset])
@@ -99,7 +98,7 @@ def compare(old: TraversalLists, new: TraversalLists, counts: tuple[int, int, in
 
     counts    triangles, nodes, split of `Changes`
     touched   per list the elements whose payload may differ; not read where a list was laid out anew
-    vertices  the vertices that may differ
+    vertices  the vertices of `old` that may differ
     """
     none = np.empty(0, np.int64)
     escape, payload = [], []
@@ -114,8 +113,7 @@ def compare(old: TraversalLists, new: TraversalLists, counts: tuple[int, int, in
         escape.append(ranges_of(links, ESCAPE_BYTES, gap))
         payload.append(ranges_of(words, PAYLOAD_BYTES, gap))
     known = len(old.vertices.positions)
-    kept = vertices[vertices < known]
-    moved = kept[changed_entries(old.vertices.positions[kept], new.vertices.positions[kept])]
+    moved = vertices[changed_entries(old.vertices.positions[vertices], new.vertices.positions[vertices])]
     moved = np.append(moved, np.arange(known, len(new.vertices.positions)))
     heads = np.flatnonzero(old.first != new.first)
     size = bytes_of(new)

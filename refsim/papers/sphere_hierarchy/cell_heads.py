@@ -38,7 +38,7 @@ from refsim.papers.sphere_hierarchy.heads import (
     first_surviving_leaf,
     rejected,
 )
-from refsim.papers.sphere_hierarchy.heads_walk import MOST_PLANES, PLANE
+from refsim.papers.sphere_hierarchy.heads_walk import LANES, ROWS
 from refsim.papers.sphere_hierarchy.lists import TraversalLists
 from refsim.scene.rays import Rays
 
@@ -108,7 +108,7 @@ def cell_planes(lists: TraversalLists, rays: Rays, cells: int, cell: int, number
     chosen = (cells_of(rays, cells) == cell) & (list_of_rays(rays.direction, lists.count) == number) & rays.alive
     rows = np.flatnonzero(chosen)
     if rows.size == 0:
-        return np.zeros((0, PLANE))
+        return np.zeros((0, ROWS))
     _, planes = _heads(lists, rays, rows, np.array([0, len(rows)]), np.array([number]), "leaf")
     return planes
 
@@ -119,10 +119,10 @@ def _heads(
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:  # fmt: skip
     """The head of each set of rays, and the planes of the last."""
     hierarchy = lists.hierarchy
-    heads, planes = np.empty(len(numbers), np.int32), np.empty((MOST_PLANES, PLANE))
+    heads, planes = np.empty(len(numbers), np.int32), np.empty((ROWS, LANES))
     count = specialise(heads_of_cells, {})(
         rows.astype(np.int64), cuts.astype(np.int64), numbers.astype(np.int64), rays.origin, rays.direction,
         ball_around(hierarchy.triangles), head_rule == "climb", lists.first, lists.escape, lists.spheres, lists.payload,
         hierarchy.triangles, hierarchy.margin, planes, heads,
     )  # fmt: skip
-    return heads, planes[:count]
+    return heads, np.ascontiguousarray(planes[:, :count].T)

@@ -6,14 +6,18 @@ import numpy as np
 
 from refsim.jit import func
 from refsim.papers.sphere_hierarchy.heads_walk import (
-    MOST_PLANES,
+    LENGTH,
+    OFFSET,
     child_towards,
+    clear_planes,
     first_survivor,
     past,
+    put_plane,
     slack_at,
 )
 
 LEAST_COSINE = 2.0**-10
+BEAM = 5
 
 
 @func
@@ -63,32 +67,31 @@ def put_beam(planes, frame, rows, origin, direction, ball):
             return 0
         a, b = along(frame[1], x, y, z) / forward, along(frame[2], x, y, z) / forward
         low_u, high_u, low_v, high_v = min(low_u, a), max(high_u, a), min(low_v, b), max(high_v, b)
-    for c in range(3):
-        planes[0, c] = frame[1, c] - low_u * frame[0, c]
-        planes[1, c] = high_u * frame[0, c] - frame[1, c]
-        planes[2, c] = frame[2, c] - low_v * frame[0, c]
-        planes[3, c] = high_v * frame[0, c] - frame[2, c]
-        planes[4, c] = frame[0, c]
+    m, u, v = frame[0], frame[1], frame[2]
+    clear_planes(planes)
+    put_plane(planes, 0, u[0] - low_u * m[0], u[1] - low_u * m[1], u[2] - low_u * m[2], np.inf)
+    put_plane(planes, 1, high_u * m[0] - u[0], high_u * m[1] - u[1], high_u * m[2] - u[2], np.inf)
+    put_plane(planes, 2, v[0] - low_v * m[0], v[1] - low_v * m[1], v[2] - low_v * m[2], np.inf)
+    put_plane(planes, 3, high_v * m[0] - v[0], high_v * m[1] - v[1], high_v * m[2] - v[2], np.inf)
+    put_plane(planes, 4, m[0], m[1], m[2], np.inf)
     # How far back each has to be for all origins
-    for k in range(MOST_PLANES):
-        planes[k, 3] = np.inf
-        planes[k, 4] = np.sqrt(along(planes[k], planes[k, 0], planes[k, 1], planes[k, 2]))
     for row in rows:
         x, y, z = np.float64(origin[row, 0]), np.float64(origin[row, 1]), np.float64(origin[row, 2])
         slack = slack_at(x, y, z, ball)
-        for k in range(MOST_PLANES):
-            planes[k, 3] = min(planes[k, 3], along(planes[k], x, y, z) - planes[k, 4] * slack)
-    return MOST_PLANES
+        for k in range(BEAM):
+            distance = planes[0, k] * x + planes[1, k] * y + planes[2, k] * z - planes[LENGTH, k] * slack
+            planes[OFFSET, k] = min(planes[OFFSET, k], distance)
+    return BEAM
 
 
 @func
-def share_of(one, other, s):
-    """The part of the beam's width, between two planes that face each other, that a ball covers."""
-    radius = np.float64(s[3])
-    a = (along(one, s[0], s[1], s[2]) - one[3]) / one[4]
-    b = (along(other, s[0], s[1], s[2]) - other[3]) / other[4]
-    width = a + b
-    covered = min(a, radius) + min(b, radius)
+def share_of(planes, k, s):
+    """The part of the beam's width between plane k and the one that faces it, k + 1, that a ball covers."""
+    x, y, z, radius = np.float64(s[0]), np.float64(s[1]), np.float64(s[2]), np.float64(s[3])
+    a = (planes[0, k] * x + planes[1, k] * y + planes[2, k] * z - planes[OFFSET, k]) / planes[LENGTH, k]
+    k += 1
+    b = (planes[0, k] * x + planes[1, k] * y + planes[2, k] * z - planes[OFFSET, k]) / planes[LENGTH, k]
+    width, covered = a + b, min(a, radius) + min(b, radius)
     return 1.0 if not covered < width else max(covered / width, 0.0)
 
 
@@ -99,7 +102,7 @@ def best_to_climb_to(planes, leaf, first, end, escape, spheres):
     cost = least = 0.0
     chance = 1.0
     while at < leaf:
-        chance = min(chance, share_of(planes[0], planes[1], spheres[at]) * share_of(planes[2], planes[3], spheres[at]))
+        chance = min(chance, share_of(planes, 0, spheres[at]) * share_of(planes, 2, spheres[at]))
         over = past(at, end, escape)
         at, before = child_towards(at, leaf, end, escape)
         after, other = 0, past(at, end, escape)
@@ -119,7 +122,7 @@ def heads_of_cells(
 ):  # fmt: skip
     """One head a set of rays: `rows` i64[n], set k is rows[cuts[k]:cuts[k + 1]] and takes list numbers[k].
 
-    Written: `heads` i32[sets], and `planes` f64[5, 5], those of the last set; returns how many these are.
+    Written: `heads` i32[sets], and `planes` f64[5, 8], those of the last set; returns how many these are.
     """
     frame = np.empty((3, 3))
     count = 0
@@ -129,7 +132,7 @@ def heads_of_cells(
         heads[k] = 0
         if count == 0:
             continue
-        at = first_survivor(planes, count, base, end, escape, spheres, payload, triangles, margin)
+        at = first_survivor(planes, base, end, escape, spheres, payload, triangles, margin)
         if climbs and at < end:
             at = best_to_climb_to(planes, at, base, end, escape, spheres)
         heads[k] = at - base

@@ -38,8 +38,6 @@ def head_statistics(without: NDArray[np.int32], with_heads: NDArray[np.int32]) -
     """From nodes a ray, i32[n], without heads and with them (`Found.nodes`), of the rays that count."""
     change = with_heads.astype(np.int64) - without
     values, counts = np.unique(change, return_counts=True)
-    means = (float(x.mean()) if len(x) else 0.0 for x in (without, with_heads))
-    return HeadStatistics(
-        len(change), *means, int((change > 0).sum()), int((change < 0).sum()), max(0, int(change.max(initial=0))),
-        (values, counts.astype(np.int64)),
-    )  # fmt: skip
+    before, after = (float(x.mean()) if len(x) else 0.0 for x in (without, with_heads))
+    more, fewer, most = int((change > 0).sum()), int((change < 0).sum()), int(change.max(initial=0))
+    return HeadStatistics(len(change), before, after, more, fewer, most, (values, counts.astype(np.int64)))

@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 
 from refsim.errors import InputError
 from refsim.jit import specialise
-from refsim.papers.sphere_hierarchy.kd_tree import REACH, KdTree, build_kd_tree
+from refsim.papers.sphere_hierarchy.kd_tree import KdTree
 from refsim.papers.sphere_hierarchy.kd_walk import walk_kd
 from refsim.papers.sphere_hierarchy.ray_blocks import in_blocks
 from refsim.papers.sphere_hierarchy.search import Found
-from refsim.scene.mesh import Scene
 from refsim.scene.rays import Rays
 
 TRAVERSALS = ("stack", "restart", "backtrack")
@@ -77,8 +76,3 @@ def kd_search(tree: KdTree, traversal: str) -> KdSearch:
     if traversal not in TRAVERSALS:
         raise InputError(f"traversal is {traversal!r}; it must be one of {', '.join(map(repr, TRAVERSALS))}.")
     return KdSearch(tree, traversal)
-
-
-def build_kd(scene: Scene, traversal: str, reach: float = REACH) -> KdSearch:
-    """The tree of a scene and a search through it in one."""
-    return kd_search(build_kd_tree(scene, reach), traversal)

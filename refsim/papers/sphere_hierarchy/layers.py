@@ -30,7 +30,7 @@ def split_layers(scene: Scene, rows: Sequence[int] = ()) -> list[NDArray[np.floa
     Raises `InputError` for rows that are no whole numbers, do not ascend or leave a layer empty.
     """
     n, before = len(scene), 0
-    if isinstance(rows, str) or not isinstance(rows, Sequence | np.ndarray):
+    if not isinstance(rows, Sequence | np.ndarray):
         raise InputError(f"layers must be rows at which layers begin, not {rows!r}.")
     for row in rows:
         if isinstance(row, bool) or not isinstance(row, int | np.integer):

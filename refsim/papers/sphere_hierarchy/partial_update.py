@@ -74,9 +74,9 @@ def moved(lists: TraversalLists, rows: NDArray[np.int64], corners: NDArray[np.fl
     # Each list: payloads in place, or laid out anew where it keeps other triangles
     parts, relaid, touched = [], [], []
     for k, direction in enumerate(lists.directions):
-        kept = lists.triangle_at[k] >= 0
         keeps = kept_triangles(packed.n, ~packed.degenerate, direction, lists.culling)
-        if (keeps != kept[rows]).any():
+        if (keeps != (lists.triangle_at[k][rows] >= 0)).any():
+            kept = lists.triangle_at[k] >= 0
             kept[rows] = keeps
             parts.append(_laid_out(hierarchy, vertices.corners, kept, direction, lists.order == "latest_last"))
             relaid.append(k)
@@ -96,8 +96,9 @@ def moved(lists: TraversalLists, rows: NDArray[np.int64], corners: NDArray[np.fl
     )  # fmt: skip
     other = int((hierarchy.spheres[nodes] != old.spheres[nodes]).any(axis=1).sum())
     counts = len(rows), other, len(vertices.positions) - len(lists.vertices.positions)
-    seen = np.unique(lists.vertices.corners[rows])
-    return Refitted(done, compare(lists, done, counts, tuple(relaid), touched, seen, gap))
+    seen = np.zeros(len(lists.vertices.positions), np.bool_)
+    seen[lists.vertices.corners[rows]] = True
+    return Refitted(done, compare(lists, done, counts, tuple(relaid), touched, np.flatnonzero(seen), gap))
 
 
 def _checked(rows: ArrayLike, corners: ArrayLike, n: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:

@@ -6,10 +6,14 @@ import numpy as np
 
 from refsim.jit import func
 from refsim.papers.sphere_hierarchy.heads_walk import (
-    MOST_PLANES,
-    PLANE,
+    LANES,
+    LENGTH,
+    OFFSET,
+    ROWS,
     child_towards,
+    clear_planes,
     first_survivor,
+    put_plane,
     slack_at,
 )
 
@@ -17,29 +21,28 @@ LEAST_COSINE = 2.0**-48
 
 
 @func
-def put_plane(plane, x, y, z, t, n, epsilon):
+def put_side(planes, k, x, y, z, t, n, epsilon):
     """The half-space along (x, y, z) in which rays from a triangle's front stay: its lowest vertex, moved by epsilon
     along the triangle's normal and down by a quarter of that."""
     a = x * t[0, 0] + y * t[0, 1] + z * t[0, 2]
     b = x * t[1, 0] + y * t[1, 1] + z * t[1, 2]
     c = x * t[2, 0] + y * t[2, 1] + z * t[2, 2]
-    plane[0], plane[1], plane[2] = x, y, z
-    plane[3] = min(a, min(b, c)) + epsilon * (x * n[0] + y * n[1] + z * n[2] - 0.25)
-    plane[4] = np.sqrt(x * x + y * y + z * z)
+    put_plane(planes, k, x, y, z, min(a, min(b, c)) + epsilon * (x * n[0] + y * n[1] + z * n[2] - 0.25))
 
 
 @func
-def put_planes(planes, t, n, sides, epsilon):
+def put_sides(planes, t, n, sides, epsilon):
     """The polygon's own plane and those of the directions, `sides` f64[k, 3]; returns how many."""
-    put_plane(planes[0], np.float64(n[0]), np.float64(n[1]), np.float64(n[2]), t, n, epsilon)
+    clear_planes(planes)
+    put_side(planes, 0, np.float64(n[0]), np.float64(n[1]), np.float64(n[2]), t, n, epsilon)
     for k in range(sides.shape[0]):
-        put_plane(planes[k + 1], sides[k, 0], sides[k, 1], sides[k, 2], t, n, epsilon)
+        put_side(planes, k + 1, sides[k, 0], sides[k, 1], sides[k, 2], t, n, epsilon)
     return sides.shape[0] + 1
 
 
 def planes_of_polygon(planes, t, n, sides, epsilon):
-    """`put_planes`, as a kernel."""
-    return put_planes(planes, t, n, sides, epsilon)
+    """`put_sides`, as a kernel."""
+    return put_sides(planes, t, n, sides, epsilon)
 
 
 @func
@@ -59,22 +62,22 @@ def outermost_apart(leaf, t, first, end, escape, spheres):
 
 
 def heads_of_polygons(
-    begin, stop, polygons, normals, sides, epsilon, climbs, first, end, escape, spheres, payload, triangles, margin,
+    rows, polygons, normals, sides, epsilon, climbs, first, end, escape, spheres, payload, triangles, margin,
     elements,
 ):  # fmt: skip
-    """Heads of polygons begin..stop in the list at first..end: `elements` i32[n], counted within the list.
+    """Heads of polygons `rows` i64[k] in the list at first..end: `elements` i32[n], counted within the list.
 
     `polygons` f32[n, 3, 3], `normals` f32[n, 3] (zero: no plane, so the list's own head); `sides` f64[k, 3], normals of
     the list's further planes; `triangles`, `margin` of the hierarchy.
     """
-    planes = np.empty((MOST_PLANES, PLANE))
-    for row in range(begin, stop):
+    planes = np.empty((ROWS, LANES))
+    for row in rows:
         n, t = normals[row], polygons[row]
         if n[0] == 0 and n[1] == 0 and n[2] == 0:
             elements[row] = 0
             continue
-        count = put_planes(planes, t, n, sides, epsilon)
-        at = first_survivor(planes, count, first, end, escape, spheres, payload, triangles, margin)
+        put_sides(planes, t, n, sides, epsilon)
+        at = first_survivor(planes, first, end, escape, spheres, payload, triangles, margin)
         if climbs and at < end:
             at = outermost_apart(at, t, first, end, escape, spheres)
         elements[row] = at - first
@@ -87,7 +90,7 @@ def starts_of_rays(
 
     `picked` i32[n] their lists, `polygon` i32[n] (−1: none); `sides` f64[lists, k, 3]; `elements` i32[lists, polygons].
     """
-    planes = np.empty((MOST_PLANES, PLANE))
+    planes = np.empty((ROWS, LANES))
     for row in range(starts.shape[0]):
         starts[row] = 0
         k = polygon[row]
@@ -106,8 +109,8 @@ def starts_of_rays(
         x, y, z = np.float64(origin[row, 0]), np.float64(origin[row, 1]), np.float64(origin[row, 2])
         slack = slack_at(x, y, z, ball)
         inside = True
-        for j in range(put_planes(planes, polygons[k], n, sides[picked[row]], epsilon)):
-            p = planes[j]
-            inside &= p[0] * x + p[1] * y + p[2] * z >= p[3] + p[4] * slack
+        for j in range(put_sides(planes, polygons[k], n, sides[picked[row]], epsilon)):
+            along = planes[0, j] * x + planes[1, j] * y + planes[2, j] * z
+            inside &= along >= planes[OFFSET, j] + planes[LENGTH, j] * slack
         if inside:
             starts[row] = head

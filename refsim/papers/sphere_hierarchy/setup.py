@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from refsim.errors import InputError
 from refsim.papers.sphere_hierarchy.culling import check_culling
 from refsim.papers.sphere_hierarchy.errata import Printed, printed_text
-from refsim.papers.sphere_hierarchy.hierarchy import hierarchy_of
-from refsim.papers.sphere_hierarchy.lists import TraversalLists, build_lists
+from refsim.papers.sphere_hierarchy.layers import Layers
+from refsim.papers.sphere_hierarchy.lists import TraversalLists
+from refsim.papers.sphere_hierarchy.polygon_heads import PolygonHeads, polygon_heads
 from refsim.scene.mesh import Scene
 
 
@@ -53,24 +50,20 @@ class Prepared:
     scene: Scene
     options: ListOptions
     layers: tuple[TraversalLists, ...]
-    heads: tuple[Any, ...] | None
+    heads: tuple[PolygonHeads, ...] | None
 
 
 def prepare(scene: Scene, options: ListOptions) -> Prepared:
     """Builds hierarchies, lists and per-polygon heads. Raises `InputError` for layers that the scene does not have."""
-    cuts = (0, *options.layers, len(scene))
-    if any(begin >= end for begin, end in pairwise(cuts)):
-        raise InputError(f"layers begin at rows {options.layers}; they must ascend within {len(scene)} triangles.")
-    layers = []
-    for begin, end in pairwise(cuts):
-        hierarchy = hierarchy_of(np.ascontiguousarray(scene.triangles[begin:end]), options.threshold)
-        layers.append(build_lists(hierarchy, options.lists, options.order, options.culling))
-    heads = None
-    if options.heads is not None:
-        from refsim.papers.sphere_hierarchy.polygon_heads import polygon_heads
-
-        heads = tuple(
-            polygon_heads(lists, scene.triangles, options.heads, options.head_rule, options.threads, scene.epsilon)
-            for lists in layers
-        )  # fmt: skip
-    return Prepared(scene, options, tuple(layers), heads)
+    layers = Layers.of(
+        scene, options.layers, threshold=options.threshold, lists=options.lists, order=options.order,
+        culling=options.culling,
+    ).lists  # fmt: skip
+    if options.heads is None:
+        return Prepared(scene, options, layers, None)
+    # A ray that leaves a polygon goes on through the lists of every layer, so each layer has heads for all polygons
+    heads = [
+        polygon_heads(lists, scene.triangles, options.heads, options.head_rule, options.threads, scene.epsilon)
+        for lists in layers
+    ]
+    return Prepared(scene, options, layers, tuple(heads))

@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 from refsim.counters import ConservationError, Counters
 from refsim.geometry.following_rays import new_rays
 from refsim.jit import specialise
+from refsim.papers.sphere_hierarchy.cell_heads import cell_starts
 from refsim.papers.sphere_hierarchy.errata import slots_of
+from refsim.papers.sphere_hierarchy.polygon_heads import polygon_starts
 from refsim.papers.sphere_hierarchy.search import Found, search
 from refsim.papers.sphere_hierarchy.setup import ListOptions, Prepared, prepare
+from refsim.papers.sphere_hierarchy.shader_search import shader_search
 from refsim.papers.sphere_hierarchy.shadow_rays import shadow_rays
 from refsim.results import Generation, RayKind, Trace, summed_per_ray
 from refsim.scene.mesh import Scene
@@ -38,7 +41,7 @@ def trace_prepared(prepared: Prepared, rays: Rays) -> Trace:
     generations: list[Generation] = []
     for k in range(options.generations):
         counters = Counters()
-        starts = _starts(prepared, rays, k, left)
+        starts = starts_of(prepared, rays, k, left)
         found = _shoot(prepared, rays, kind, starts, counters)
         _check_lengths(prepared, found)
         following, new_kind = following_rays(prepared, rays, kind, found.hits)
@@ -54,16 +57,12 @@ def trace_prepared(prepared: Prepared, rays: Rays) -> Trace:
     )
 
 
-def _starts(prepared: Prepared, rays: Rays, k: int, left: NDArray[np.int32]) -> Starts | None:
+def starts_of(prepared: Prepared, rays: Rays, k: int, left: NDArray[np.int32]) -> Starts | None:
     """Where each ray begins in each layer's list; None for the lists' heads."""
     options = prepared.options
     if k == 0 and options.screen_cells is not None:
-        from refsim.papers.sphere_hierarchy.cell_heads import cell_starts
-
         return [cell_starts(lists, rays, options.screen_cells, options.head_rule) for lists in prepared.layers]
     if k > 0 and prepared.heads is not None:
-        from refsim.papers.sphere_hierarchy.polygon_heads import polygon_starts
-
         return [
             polygon_starts(heads, lists, rays, left, any_side=options.printed.E9)
             for heads, lists in zip(prepared.heads, prepared.layers, strict=True)
@@ -81,8 +80,6 @@ def _shoot(
         shared["packet"] = options.packet
         shoot: Any = search
     else:
-        from refsim.papers.sphere_hierarchy.shader_search import shader_search
-
         shared |= {"stage": options.stage, "counters": counters}
         shoot = shader_search
     shadow = kind == RayKind.SHADOW

@@ -1,4 +1,4 @@
-"""Which elements each ray visits, written down: the loop of `traversal.walk` with one line more. Template of `refsim.jit`.
+"""Which elements each ray visits: the loop of `traversal.walk` that writes them down. Template of `refsim.jit`.
 
 The decisions are those of the same device functions on the same numbers; `visits` checks that the counts agree.
 """

@@ -1,4 +1,4 @@
-"""The elements that each ray visits, in order, and where in texture memory they lie: what `warps` and `texture_cache` read.
+"""The elements that each ray visits, in order, and where in texture memory they lie, for `warps` and `texture_cache`.
 
 In: a `Shot`, one search of the lists, and rows of its rays; out: ragged arrays. An element is numbered through all
 lists of all layers, as they lie in memory, so the numbers that a ray visits ascend.
@@ -10,6 +10,7 @@ rows so that no piece has more than a given number of elements.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,7 +48,7 @@ class Shot(NamedTuple):
 
 
 class Visits(NamedTuple):
-    """rows i32[k] of rays (−1: none); the i-th visited elements[offsets[i]:offsets[i + 1]], i64[k + 1] and i32[total]."""
+    """rows i32[k] of rays, −1 none; the i-th visited elements[offsets[i]:offsets[i + 1]], i32[total] and i64[k + 1]."""
 
     rows: NDArray[np.int32]
     offsets: NDArray[np.int64]
@@ -91,18 +92,21 @@ class Recorder:
         ).nodes  # fmt: skip
         self.picked = [list_of_rays(shot.rays.direction, lists.count) for lists in shot.layers]
 
-    def visits(self, rows: NDArray[np.int32]) -> Visits:
-        """What these rows visit, −1 nothing; a row may not come twice. Raises `ConservationError` where the loop that
-        writes and the one that counts do not agree."""
+    def visits(self, rows: NDArray[np.int32], threads: int | None = None) -> Visits:
+        """What these rows visit, −1 nothing; a row may not come twice. `threads`: others than were given before.
+
+        Raises `ConservationError` where the loop that writes and the one that counts do not agree.
+        """
         rows = np.ascontiguousarray(rows.ravel(), np.int32)
         counts = np.where(rows < 0, 0, self.nodes[rows])
         offsets = np.zeros(len(rows) + 1, np.int64)
         np.cumsum(counts, out=offsets[1:])
         # One place more: a loop that went wrong by a step is found below, not by a crash
         elements, at = np.empty(offsets[-1] + 1, np.int32), offsets[:-1].copy()
-        cuts = np.linspace(0, len(rows), self.threads + 1).astype(int)
-        parts = [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b > a]
-        run_all("visits", self.threads, [self._task(rows[part], at[part], elements) for part in parts])
+        workers = self.threads if threads is None else threads
+        cuts = np.linspace(0, len(rows), workers + 1).astype(int)
+        parts = [slice(a, b) for a, b in pairwise(cuts) if b > a]
+        run_all("visits", workers, [self._task(rows[part], at[part], elements) for part in parts])
         if not np.array_equal(at, offsets[1:]):
             raise ConservationError("rays were seen to visit other elements than were counted.")
         return Visits(rows, offsets, elements[:-1])

@@ -8,7 +8,7 @@ from refsim.jit import func
 
 I = np.int32  # noqa: E741
 
-# Columns of the table
+# Columns of the table, in the order of the fields of `warps.Account`
 (NODES, TESTS, ITERATIONS, DISTINCT, SPHERE_ISSUES, TRIANGLE_ISSUES, UNION,
  ESCAPE_LINES, PAYLOAD_LINES, VERTEX_LINES) = range(10)  # fmt: skip
 COLUMNS = 10

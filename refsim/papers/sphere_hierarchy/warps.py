@@ -23,13 +23,10 @@ from refsim.errors import InputError
 from refsim.jit import specialise
 from refsim.papers.sphere_hierarchy.search import by_list, tile_order
 from refsim.papers.sphere_hierarchy.visits import FETCH_BYTES, Layout, Recorder, Shot
-from refsim.papers.sphere_hierarchy.warp_lanes import (
-    COLUMNS, DISTINCT, ESCAPE_LINES, ITERATIONS, NODES, PAYLOAD_LINES, SPHERE_ISSUES, TESTS, TRIANGLE_ISSUES, UNION,
-    VERTEX_LINES, account_warps,
-)  # fmt: skip
+from refsim.papers.sphere_hierarchy.warp_lanes import COLUMNS, NODES, account_warps
 
 WIDTH = 32
-LINE = 32
+LINE = 64  # that of `texture_cache.GT200`
 MAPPINGS = ("rows", "square", "morton", "tiles", "lists", "random")
 Order = NDArray[np.int32]
 
@@ -66,7 +63,7 @@ def map_rays(
         return _cut(by_list(tile_order(width, height, len(pixels)), lists), lanes)
     if mapping == "random":
         return _cut(np.random.default_rng(seed).permutation(pixels), lanes)
-    raise InputError(f"mapping is {mapping!r}; it must be a tile like '8x4' or one of {', '.join(map(repr, MAPPINGS))}.")
+    raise InputError(f"mapping is {mapping!r}; it must be a tile like '8x4', or one of {', '.join(MAPPINGS)}.")
 
 
 def without(order: Order, dead: NDArray[np.bool_]) -> Order:
@@ -184,12 +181,8 @@ def account(shots: Iterable[Shot], order: Order, *, line: int = LINE, threads: i
     for shot in shots:
         table = warp_table(shot, order, line=line, threads=threads)
         rows = order[order >= 0]
-        sums = table.sum(axis=0)
-        own = Account(
-            order.shape[1], line, int((shot.rays.t_max[rows] > 0).sum()), int((table[:, NODES] > 0).sum()),
-            *(int(sums[column]) for column in (NODES, TESTS, ITERATIONS, DISTINCT, SPHERE_ISSUES, TRIANGLE_ISSUES, UNION,
-                                               ESCAPE_LINES, PAYLOAD_LINES, VERTEX_LINES)),
-        )  # fmt: skip
+        live, busy = int((shot.rays.t_max[rows] > 0).sum()), int((table[:, NODES] > 0).sum())
+        own = Account(order.shape[1], line, live, busy, *table.sum(axis=0).tolist())
         total = own if total is None else total.plus(own)
     if total is None:
         raise InputError("an account needs a shot.")
@@ -197,7 +190,7 @@ def account(shots: Iterable[Shot], order: Order, *, line: int = LINE, threads: i
 
 
 def warp_table(shot: Shot, order: Order, *, line: int = LINE, threads: int | None = None) -> NDArray[np.int64]:
-    """The columns of `warp_lanes`, a warp a row: i64[warps, columns]."""
+    """What an account sums, a warp a row: i64[warps, columns], `nodes` and what follows it in `Account`."""
     if line < 1:
         raise InputError(f"a memory line of {line} bytes holds nothing; give at least 1.")
     width = order.shape[1]
