@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from refsim.experiments.registry import Row
+from refsim.experiments.runs import MISSING
 from refsim.methods import METHODS
 from refsim.options import checked
 from refsim.results import RayKind, Trace
@@ -28,6 +29,11 @@ SUBSTITUTES = {"Happy Buddha": "decimated to 100,000 triangles", "Cubes": "anoth
 # Scenes of the library that come with a ground of two triangles of their own, which makes way for the stage's
 GROUNDED = ("cubes",)
 VIEW, FILL, HALF = (0.35, 0.5, 1.0), 1.05, 3.0
+# Another camera, where one does not do: name -> direction, distance
+CAMERAS: dict[str, tuple[tuple[float, float, float], float]] = {
+    "front": (VIEW, FILL), "right": ((1.0, 0.4, 0.3), FILL), "back": ((-0.35, 0.5, -1.0), FILL),
+    "left": ((-1.0, 0.4, -0.3), FILL), "above": ((0.2, 1.0, 0.35), FILL), "close": (VIEW, 0.5),
+}  # fmt: skip
 PLASTER = Material("plaster", "diffuse", (0.75, 0.72, 0.66))
 FLOOR = Material("floor", "diffuse", (0.5, 0.52, 0.55))
 # "with all of the aforementioned optimization enabled" (section 4), the rules that lose no hit
@@ -93,10 +99,9 @@ def heads_of(name: str, ground: bool, kind: str, rule: str, *structure: Any) -> 
     return polygon_heads(lists_of(name, ground, *structure), scene.triangles, kind, rule, None, scene.epsilon)
 
 
-def run(name: str, size: int, *, ground: bool = True, rays: Rays | None = None, **options: Any) -> Trace:
-    """`refsim.trace` with the paper's shading (eye rays, then shadow rays) on lists that are kept between runs."""
+def prepared_for(name: str, ground: bool = True, **options: Any) -> tuple[Any, dict[str, Any]]:
+    """What the method's tracer needs, from lists that are kept between runs, and all option values."""
     from refsim.papers.sphere_hierarchy.setup import ListOptions, Prepared
-    from refsim.papers.sphere_hierarchy.tracer import trace_prepared
 
     values = checked(METHOD, METHODS[METHOD].options, {"shadows": True, "generations": 2, **options})
     chosen = ListOptions.of(values)
@@ -104,14 +109,36 @@ def run(name: str, size: int, *, ground: bool = True, rays: Rays | None = None, 
     heads = None
     if chosen.heads is not None:
         heads = (heads_of(name, ground, chosen.heads, chosen.head_rule, *structure),)
-    prepared = Prepared(scene_of(name, ground), chosen, (lists_of(name, ground, *structure),), heads)
+    return Prepared(scene_of(name, ground), chosen, (lists_of(name, ground, *structure),), heads), values
+
+
+def run(name: str, size: int, *, ground: bool = True, rays: Rays | None = None, **options: Any) -> Trace:
+    """`refsim.trace` with the paper's shading: eye rays, then shadow rays."""
+    from refsim.papers.sphere_hierarchy.tracer import trace_prepared
+
+    prepared, values = prepared_for(name, ground, **options)
     return replace(trace_prepared(prepared, rays or rays_of(name, size)), method=METHOD, options=values)
+
+
+def warp_account(name: str, found: Trace, ground: bool = True) -> Any:
+    """The account of warps of 8 × 4 pixels for the rays of a run."""
+    from refsim.papers.sphere_hierarchy import locality, warps
+
+    given = {key: value for key, value in found.options.items() if key not in ("backend", "material", "threads")}
+    prepared, _ = prepared_for(name, ground, **given)
+    shots = locality.shots_of(prepared, found)
+    return warps.account(shots, locality.order_of(found.generations[0].rays, locality.TILE, prepared.options.lists))
 
 
 @lru_cache(maxsize=6)
 def kept(name: str, size: int, ground: bool = True, **options: Any) -> Trace:
     """`run`, kept between measuring and drawing."""
     return run(name, size, ground=ground, **options)
+
+
+def missing_row(name: str, size: int) -> Row:
+    """The line of a mesh that is not at hand."""
+    return {"scene": name, "triangles": MISSING, "size_px": size}
 
 
 def head(name: str, size: int, found: Trace) -> Row:
@@ -153,13 +180,6 @@ def _of_kind(found: Trace, kind: RayKind, what: str) -> Any:
 def mean(values: Any) -> float:
     """Three digits; 0 of nothing."""
     return round(float(np.mean(values)), 3) if len(values) else 0.0
-
-
-def shadow_rays_of(found: Trace) -> Rays:
-    """What the first generation sent on, dead rows among them."""
-    following = found.generations[0].next_rays
-    assert following is not None
-    return following
 
 
 def vertices_of(name: str, ground: bool = True) -> int:

@@ -41,9 +41,7 @@ def search_kd(
     def search(ray: OneRay) -> tuple[int, ...]:
         inverse = F(1) / ray.kept_from_zero()
         reached = bool((np.abs(ray.o - tree.centre) <= tree.far).all())
-        for number in tree.loose if reached else range(len(tree.records[0])):
-            if not ray.done:
-                ray.test(number)
+        ray.test_each(tree.loose if reached else range(len(tree.records[0])))
         low, last = _interval(ray, inverse, tree.root.cell)
         if not reached or ray.done or not (low <= last and low <= ray.best):
             return 0, 0, 0, 0
@@ -62,10 +60,7 @@ def search_kd(
                 ray.nodes += len(path) - common + 1
             ray.nodes += looked_at + 1
             leaves, deepest, path = leaves + 1, max(deepest, passed.waiting), passed.path
-            for number in passed.leaf.triangles:
-                ray.test(number)
-                if ray.done:
-                    break
+            ray.test_each(passed.leaf.triangles)
             if ray.done or ray.best <= passed.high or passed.high >= last:
                 break
         return leaves, resumed, climbed, deepest if traversal == "stack" else 0

@@ -5,8 +5,9 @@ All in float32, with the operations of the device functions, in plain Python: sa
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ F = np.float32
 LEAST = F(2.0**-26)
 KAPPA = F(40 * 2.0**-24)
 SMALLEST, LARGEST = F(2.0**-60), F(2.0**60)
+ZERO = F(0)
 
 
 @dataclass
@@ -26,14 +28,14 @@ class OneRay:
 
     o: np.ndarray
     d: np.ndarray
-    limit: np.float32
+    limit: Any
     records: tuple[np.ndarray, ...]
     any_hit: bool
     front_only: bool
     best: np.float32
     triangle: int = -1
-    u: np.float32 = F(0)
-    v: np.float32 = F(0)
+    u: np.float32 = ZERO
+    v: np.float32 = ZERO
     nodes: int = 0
     tests: int = 0
 
@@ -49,9 +51,16 @@ class OneRay:
         self.nodes, self.tests = self.nodes + 1, self.tests + 1
         nearer = t < self.best or (t == self.best and number < self.triangle)
         if inside and nearer and (den < 0 or not self.front_only):
-            self.best, self.triangle, self.u, self.v = t, number, u, v
+            self.best, self.triangle, self.u, self.v = F(t), number, F(u), F(v)
 
-    def slack(self, root: np.ndarray) -> np.float32:
+    def test_each(self, numbers: Iterable[int]) -> None:
+        """Looks at triangles until it is done."""
+        for number in numbers:
+            if self.done:
+                return
+            self.test(number)
+
+    def slack(self, root: np.ndarray) -> Any:
         """κ against the root's sphere f32[4]."""
         away = root[:3] - self.o
         reach = np.sqrt(dot(away, away)) + root[3]

@@ -65,9 +65,10 @@ def check_options(scene: Scene, options: Mapping[str, Any]) -> None:
         raise InputError(f"culling={culling!r} needs lists={needed}, not lists={lists}.")
     if culling is not None and options["facing"] != "front":
         raise InputError(f"culling={culling!r} needs facing='front': the back of a triangle may be hit by any ray.")
-    cuts = (0, *options["layers"], len(scene))
-    if any(begin >= end for begin, end in pairwise(cuts)):
-        raise InputError(f"layers begin at rows {options['layers']}; they must ascend within {len(scene)} triangles.")
+    for before, row in pairwise((0, *options["layers"])):
+        if not before < row < len(scene):
+            last = len(scene) - 1
+            raise InputError(f"layers name row {row}: rows must ascend from 1 to {last}, so that no layer is empty.")
 
 
 def printed(options: Mapping[str, Any], erratum: str) -> bool:

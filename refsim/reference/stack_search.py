@@ -45,10 +45,9 @@ def search_ordered(
 
         def visit(node: int, waiting: int) -> None:
             nonlocal deepest, written
-            for number in reversed(own[node]):
-                ray.test(number)
-                if ray.done:
-                    return
+            ray.test_each(reversed(own[node]))
+            if ray.done:
+                return
             met = [(entry, child) for child in reversed(children[node]) if (entry := entry_if_met(child)) is not None]
             written += max(len(met) - 1, 0)
             for left, (entry, child) in zip(range(len(met) - 1, -1, -1), sorted(met), strict=True):

@@ -185,6 +185,24 @@ def test_damage_is_named(what: str) -> None:
         from_bytes(parts._replace(**{name: changed(getattr(parts, name), kind, at, *values)}), "earliest_first", None)
 
 
+def test_a_sphere_that_ends_within_its_child_is_named() -> None:
+    """All else fits: the tree and every other escape index."""
+    lists = lists_of(load_scene("torus_knot_128").triangles, 1)
+    parts, escape = to_bytes(lists), lists.escape
+    at = 1 + int(np.argmax((escape[1:-1] > 4) & (escape[2:] > 4)))
+    assert escape[at] > escape[at + 1] > 4
+    short = changed(parts.escape, "<i4", at, escape[at + 1] - 1)
+    with pytest.raises(InputError, match=f"escape index .* element {at + 1}[.]"):
+        from_bytes(parts._replace(escape=short), "earliest_first", None)
+
+
+def test_a_node_in_no_list_is_named() -> None:
+    parts = to_bytes(lists_of(SQUARE, 1))
+    more = len(parts.parent) // 4
+    with pytest.raises(InputError, match=f"node {more} .* in no list"):
+        from_bytes(parts._replace(parent=parts.parent + bytes(4)), "earliest_first", None)
+
+
 def test_what_belongs_together_is_checked() -> None:
     lists = lists_of(SQUARE, 6, culling="sextant_safe")
     parts = to_bytes(lists)

@@ -59,6 +59,9 @@ def test_the_program_runs(ran: dict[str, Any]) -> None:
     assert np.array_equal(ran["image"].trace.hits.triangle, trace.hits.triangle)
     # What moved hits elsewhere; the glass ball loses every second hit as printed
     assert not np.array_equal(ran["again"].hits.t, trace.hits.t)
+    costs = ran["costs"]
+    assert costs["16"][0] < costs[""][0] and costs["16"][1] == costs[""][1]
+    assert costs["regular, climb"][1] < costs[""][1] < costs["regular"][1] < costs["simple"][1]
     assert ran["errata"] == "BSH-E9" and (ran["run"].generations[1].hits.triangle < 0).all()
 
 

@@ -1,10 +1,9 @@
 """What rays visit: the order of elements, ray by ray, and where in memory they lie.
 
 Plan
-- Random meshes, lists, orders, heads, layers, any hit, facing: as many elements a ray as the search counts, and those
-  that the pseudo-code visits, walked here in plain Python by a rule that needs no sphere test: each element is the first
-  of its list, or the one after, or where the escape of the one before leads; triangles as many as were tested.
-- Exactly: a ray whose decisions are made here in Python from the device functions' definition.
+- Random meshes, lists, orders, heads, layers, any hit, facing: as many elements a ray as the search counts; each is its
+  list's head, or the one after, or where the escape of the one before leads; triangles as many as were tested.
+- Rays that hit nothing, so that spheres alone decide: the pseudo-code in plain Python.
 - Pieces of any size put together are the whole; threads change nothing; rows left out or empty visit nothing.
 - Elements by layer, list and place; textures one after another, aligned, vertices of layers counted through.
 - A loop that counts otherwise is refused.
@@ -112,7 +111,8 @@ def test_rays_that_hit_nothing_visit_what_plain_python_visits(triangles: np.ndar
             o, d, best = rays.origin[ray], rays.direction[ray], rays.t_max[ray]
             away = root[:3] - o
             reach = np.sqrt(away[0] * away[0] + away[1] * away[1] + away[2] * away[2]) + root[3]
-            slack = max(traversal.KAPPA * reach, traversal.SMALLEST) if reach < traversal.LARGEST else np.float32(np.inf)
+            slack = max(traversal.KAPPA * reach, traversal.SMALLEST)
+            slack = slack if reach < traversal.LARGEST else np.float32(np.inf)
             at, end, walked = layer[0].first[picked[ray]], layer[0].first[picked[ray] + 1], []
             while at < end:
                 walked.append(int(at))
@@ -133,8 +133,8 @@ def test_pieces_are_the_whole(shot: Shot, most: int, lanes: int, seed: int) -> N
     recorder = Recorder(shot, 1)
     whole = recorder.visits(order)
     pieces = list(recorder.chunks(order, most))
-    assert np.array_equal(np.concatenate([np.empty(0, np.int32), *(piece.rows for piece in pieces)]), order.ravel())
-    assert np.array_equal(np.concatenate([np.empty(0, np.int32), *(piece.elements for piece in pieces)]), whole.elements)
+    assert [row for piece in pieces for row in piece.rows] == order.ravel().tolist()
+    assert [element for piece in pieces for element in piece.elements] == whole.elements.tolist()
     assert all(len(piece.rows) % lanes == 0 for piece in pieces)
     assert all(len(piece.elements) <= most or len(piece.rows) == lanes for piece in pieces)
     counts = np.diff(whole.offsets)
@@ -156,9 +156,7 @@ def test_two_triangles_by_hand() -> None:
     triangles = np.stack([square, square + np.float32([4, 0, 0])])
     layers = layers_of(triangles, 1)
     assert layers[0].escape.tolist() == [-1, 1, 0]
-    rays = Rays(
-        np.array([[-1, 0, 0], [-1, 9, 0], [0, 0, 0]], np.float32), np.array([[1, 0, 0], [1, 0, 0], [0, 0, 0]], np.float32)
-    )
+    rays = Rays(np.array([[-1, 0, 0], [-1, 9, 0], [0, 0, 0]]), np.array([[1, 0, 0], [1, 0, 0], [0, 0, 0]]))
     assert everything(Shot(layers, rays)).elements.tolist() == [0, 1, 2, 0]
     assert everything(Shot(layers, rays)).offsets.tolist() == [0, 3, 4, 4]
     assert everything(Shot(layers, rays, any_hit=True)).elements.tolist() == [0, 1, 0]

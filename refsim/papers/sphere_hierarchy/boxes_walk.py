@@ -19,7 +19,7 @@ import numpy as np
 
 from refsim.geometry.triangle import intersect
 from refsim.jit import func
-from refsim.papers.sphere_hierarchy.hierarchy_build import high_of, low_of
+from refsim.papers.sphere_hierarchy.hierarchy_build import high_of, low_of, rounded_up
 from refsim.papers.sphere_hierarchy.traversal import slack_of
 
 F0, F1 = np.float32(0), np.float32(1)
@@ -27,20 +27,6 @@ INFINITY = np.float32(np.inf)
 LEAST = np.float32(2.0**-26)
 I = np.int32  # noqa: E741
 U = np.uintp
-
-
-@func
-def not_above(x):
-    """The largest float32 that is not above the float64 x."""
-    near = np.float32(x)
-    return near if np.float64(near) <= x else np.nextafter(near, -INFINITY)
-
-
-@func
-def not_below(x):
-    """The smallest float32 that is not below the float64 x."""
-    near = np.float32(x)
-    return near if np.float64(near) >= x else np.nextafter(near, INFINITY)
 
 
 @func
@@ -78,8 +64,8 @@ def fill_boxes(triangles, margin, escape, payload, boxes):
         if step == I(1) or step == I(0):
             row = payload[at, 3]
             for a in range(3):
-                boxes[at, a] = not_above(np.float64(low_of(triangles, row, a)) - margin[row])
-                boxes[at, a + 3] = not_below(np.float64(high_of(triangles, row, a)) + margin[row])
+                boxes[at, a] = -rounded_up(margin[row] - np.float64(low_of(triangles, row, a)))
+                boxes[at, a + 3] = rounded_up(np.float64(high_of(triangles, row, a)) + margin[row])
             continue
         end = at + step if step > I(0) else escape.shape[0]
         for a in range(3):

@@ -9,7 +9,6 @@ from refsim.papers.sphere_hierarchy.heads_walk import (
     LENGTH,
     OFFSET,
     child_towards,
-    clear_planes,
     first_survivor,
     past,
     put_plane,
@@ -68,7 +67,6 @@ def put_beam(planes, frame, rows, origin, direction, ball):
         a, b = along(frame[1], x, y, z) / forward, along(frame[2], x, y, z) / forward
         low_u, high_u, low_v, high_v = min(low_u, a), max(high_u, a), min(low_v, b), max(high_v, b)
     m, u, v = frame[0], frame[1], frame[2]
-    clear_planes(planes)
     put_plane(planes, 0, u[0] - low_u * m[0], u[1] - low_u * m[1], u[2] - low_u * m[2], np.inf)
     put_plane(planes, 1, high_u * m[0] - u[0], high_u * m[1] - u[1], high_u * m[2] - u[2], np.inf)
     put_plane(planes, 2, v[0] - low_v * m[0], v[1] - low_v * m[1], v[2] - low_v * m[2], np.inf)
@@ -122,7 +120,7 @@ def heads_of_cells(
 ):  # fmt: skip
     """One head a set of rays: `rows` i64[n], set k is rows[cuts[k]:cuts[k + 1]] and takes list numbers[k].
 
-    Written: `heads` i32[sets], and `planes` f64[5, 8], those of the last set; returns how many these are.
+    Written: `heads` i32[sets], and `planes` f64[5, 5], those of the last set; returns how many these are.
     """
     frame = np.empty((3, 3))
     count = 0
@@ -132,7 +130,7 @@ def heads_of_cells(
         heads[k] = 0
         if count == 0:
             continue
-        at = first_survivor(planes, base, end, escape, spheres, payload, triangles, margin)
+        at = first_survivor(planes, np.uintp(count), base, end, escape, spheres, payload, triangles, margin)
         if climbs and at < end:
             at = best_to_climb_to(planes, at, base, end, escape, spheres)
         heads[k] = at - base

@@ -1,8 +1,7 @@
 """The walk that finds a head, compiled: like shooting a ray, with half-spaces in the ray's place.
 
-Device functions of `refsim.jit`; `polygon_heads_kernels` and `cell_heads_kernels` hand them planes. Eight
-half-spaces N · x ≥ q (`heads`) are the columns of `planes` f64[5, 8], rows N, q and |N|; those not in use hold
-everything. All eight are asked without a branch, which is faster than to stop at the first that rejects. Elements are
+Device functions of `refsim.jit`; `polygon_heads_kernels` and `cell_heads_kernels` hand them planes. Up to
+five half-spaces N · x ≥ q (`heads`) are the columns of `planes` f64[5, 5], rows N, q and |N|. Elements are
 counted through all lists here; `first` and `end` bound the list that is walked.
 """
 
@@ -13,7 +12,8 @@ import numpy as np
 from refsim.jit import func
 
 I = np.int32  # noqa: E741
-OFFSET, LENGTH, ROWS, LANES = 3, 4, 5, 8
+U = np.uintp
+OFFSET, LENGTH, ROWS, LANES = 3, 4, 5, 5
 SLACK = 20 * 2.0**-24
 SMALLEST, LARGEST = 2.0**-60, 2.0**60
 
@@ -27,13 +27,6 @@ def slack_at(x, y, z, ball):
 
 
 @func
-def clear_planes(planes):
-    """Half-spaces that hold everything."""
-    planes[:] = 0.0
-    planes[OFFSET] = -np.inf
-
-
-@func
 def put_plane(planes, k, x, y, z, offset):
     """Half-space k: all points whose scalar product with (x, y, z) is at least `offset`."""
     planes[0, k], planes[1, k], planes[2, k] = x, y, z
@@ -41,46 +34,57 @@ def put_plane(planes, k, x, y, z, offset):
 
 
 @func
-def sphere_is_out(planes, s):
-    """Whether one of the half-spaces does not meet the ball at all."""
+def sphere_behind(planes, k, s):
+    """Whether half-space k does not meet the ball at all."""
     x, y, z, radius = np.float64(s[0]), np.float64(s[1]), np.float64(s[2]), np.float64(s[3])
-    out = I(0)
-    for k in range(LANES):
-        farthest = planes[0, k] * x + planes[1, k] * y + planes[2, k] * z + planes[LENGTH, k] * radius
-        out += I(farthest < planes[OFFSET, k])
-    return out > I(0)
+    farthest = planes[0, k] * x + planes[1, k] * y + planes[2, k] * z + planes[LENGTH, k] * radius
+    return farthest < planes[OFFSET, k]
 
 
 @func
-def triangle_is_out(planes, t, margin):
-    """Whether one of the half-spaces meets neither the triangle nor what float32 weights take for a part of it."""
-    ax, ay, az = np.float64(t[0, 0]), np.float64(t[0, 1]), np.float64(t[0, 2])
-    bx, by, bz = np.float64(t[1, 0]), np.float64(t[1, 1]), np.float64(t[1, 2])
-    cx, cy, cz = np.float64(t[2, 0]), np.float64(t[2, 1]), np.float64(t[2, 2])
-    out = I(0)
-    for k in range(LANES):
-        x, y, z = planes[0, k], planes[1, k], planes[2, k]
-        least = planes[OFFSET, k] - planes[LENGTH, k] * margin
-        a, b, c = x * ax + y * ay + z * az, x * bx + y * by + z * bz, x * cx + y * cy + z * cz
-        out += I((a < least) & (b < least) & (c < least))
-    return out > I(0)
+def triangle_behind(planes, k, t, margin):
+    """Whether half-space k meets neither the triangle nor what float32 weights take for a part of it."""
+    x, y, z = planes[0, k], planes[1, k], planes[2, k]
+    a = x * t[0, 0] + y * t[0, 1] + z * t[0, 2]
+    b = x * t[1, 0] + y * t[1, 1] + z * t[1, 2]
+    c = x * t[2, 0] + y * t[2, 1] + z * t[2, 2]
+    least = planes[OFFSET, k] - planes[LENGTH, k] * margin
+    return (a < least) & (b < least) & (c < least)
 
 
 @func
-def first_survivor(planes, first, end, escape, spheres, payload, triangles, margin):
-    """The first triangle that no half-space rejects, nor any of the nodes around it; `end` where there is none."""
-    at = first
+def first_survivor(planes, count, first, end, escape, spheres, payload, triangles, margin):
+    """The first triangle that no half-space rejects, nor any of the nodes around it; `end` where there is none.
+
+    The half-space that rejected last is asked first: it often rejects the next element, too.
+    """
+    at, last = first, U(0)
     while at < end:
-        step = escape[at]
+        step = escape[U(at)]
         if step == I(1) or step == I(0):
-            row = payload[at, 3]
-            if not triangle_is_out(planes, triangles[row], margin[row]):
-                return at
+            row = U(payload[U(at), U(3)])
+            t, reach = triangles[row], margin[row]
+            if not triangle_behind(planes, last, t, reach):
+                k = U(0)
+                while k < count and not triangle_behind(planes, k, t, reach):
+                    k += U(1)
+                if k == count:
+                    return at
+                last = k
             at += 1
-        elif sphere_is_out(planes, spheres[at]):
-            at = at + step if step > I(0) else end
         else:
-            at += 1
+            s = spheres[U(at)]
+            if sphere_behind(planes, last, s):
+                at = at + step if step > I(0) else end
+                continue
+            k = U(0)
+            while k < count and not sphere_behind(planes, k, s):
+                k += U(1)
+            if k < count:
+                last = k
+                at = at + step if step > I(0) else end
+            else:
+                at += 1
     return end
 
 

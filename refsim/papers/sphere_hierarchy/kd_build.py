@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from refsim.jit import func
-from refsim.papers.sphere_hierarchy.boxes_walk import not_above, not_below
-from refsim.papers.sphere_hierarchy.hierarchy_build import high_of, low_of
+from refsim.papers.sphere_hierarchy.hierarchy_build import high_of, low_of, rounded_up
 
 I = np.int32  # noqa: E741
+U = np.uintp
 LEAF = I(3)
 BINS, FEW = 32, 32
 BAD_REFINES = 3
@@ -24,8 +24,8 @@ def grown_boxes(triangles, growth, rows, low, high):
     """Boxes of `rows` i32[k] of `triangles` f32[n, 3, 3], grown by `growth` f64[n]: `low`, `high` f32[n, 3]."""
     for row in rows:
         for a in range(3):
-            low[row, a] = not_above(np.float64(low_of(triangles, row, a)) - growth[row])
-            high[row, a] = not_below(np.float64(high_of(triangles, row, a)) + growth[row])
+            low[row, a] = -rounded_up(growth[row] - np.float64(low_of(triangles, row, a)))
+            high[row, a] = rounded_up(np.float64(high_of(triangles, row, a)) + growth[row])
 
 
 @func
@@ -90,12 +90,12 @@ def side_planes(low, high, rows, first, end, axis, planes, begins, ends):
     """Planes at the sides of few boxes, with the same counts."""
     many = end - first
     for i in range(many):
-        planes[2 * i], planes[2 * i + 1] = low[rows[first + i], axis], high[rows[first + i], axis]
+        planes[U(i)], planes[U(many + i)] = low[rows[first + i], axis], high[rows[first + i], axis]
     for k in range(2 * many):
-        below, above = 0, 0
-        for i in range(first, end):
-            below += int(low[rows[i], axis] < planes[k])
-            above += int(high[rows[i], axis] > planes[k])
+        plane, below, above = planes[U(k)], I(0), I(0)
+        for i in range(many):
+            below += I(planes[U(i)] < plane)
+            above += I(planes[U(many + i)] > plane)
         begins[k], ends[k] = below, above
     return 2 * many
 

@@ -2,7 +2,7 @@
 
     "stack"      the far children wait on a stack with their intervals: the yardstick
     "restart"    after a leaf the search begins again at the root, from where the leaf was left
-    "backtrack"  after a leaf it climbs to the nearest ancestor whose box the ray has not yet left, and goes down from it
+    "backtrack"  after a leaf it climbs to the nearest ancestor whose box the ray has not left yet, and goes on from it
 
 In: a `KdTree`; out: a `KdSearch`, searched like any other structure. All three go through the same leaves in the same
 order; what differs is how many nodes they look at in between. `nodes` of `Found` counts all of these (inner nodes,

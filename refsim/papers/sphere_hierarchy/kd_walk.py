@@ -14,9 +14,9 @@ far off, or at 0.
     backtrack  where the ray leaves the box of the nearest ancestor that it leaves after `high`, at that ancestor
 
 **Why it always ends.** Where an interval is cut, low < c < high, so a leaf is left later than it was entered and `low`
-increases from leaf to leaf; only the first interval can be a single parameter, and then it is the last one, too. A box's
-sides are planes, and their parameters the same numbers as when these cut the interval; so an ancestor's exit is the
-`high` that it was looked at with, and all three ways find the same leaf, with the same interval.
+increases from leaf to leaf; only the first interval can be a single parameter, and then it is the last one, too. A
+box's sides are planes, and their parameters the same numbers as when these cut the interval; so an ancestor's exit is
+the `high` that it was looked at with, and all three ways find the same leaf, with the same interval.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from refsim.jit import func
 
 I = np.int32  # noqa: E741
 LAST_PRIMITIVE, NO_SUPER_SIBLING = I(0), I(-1)
-SHORT = 24
+SHORT = 64  # children that need no further memory
 
 
 @func
@@ -37,6 +37,22 @@ def key_along(direction, spread, spheres, triangles, item, nodes, latest):
 def comes_before(key_a, a, key_b, b):
     """By key; of equal keys (or where one is not a number) the smaller item."""
     return key_a < key_b or (not key_b < key_a and a < b)
+
+
+@func
+def sort_by_key(items, keys, count):
+    """Sorts the first `count` items and their keys: Shell's sort, plain insertion for the few that most nodes have."""
+    gap = 1
+    while gap < count // 3:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for i in range(gap, count):
+            item, key, j = items[i], keys[i], i
+            while j >= gap and comes_before(key, item, keys[j - gap], items[j - gap]):
+                items[j], keys[j] = items[j - gap], keys[j - gap]
+                j -= gap
+            items[j], keys[j] = item, key
+        gap //= 3
 
 
 def group_children(parent, owner, children, starts):
@@ -105,16 +121,7 @@ def lay_out(
                 items[held] = item
                 keys[held] = key_along(direction, spread, spheres, triangles, item, nodes, latest)
                 held += 1
-        if held > SHORT:  # equal keys keep the order of items, which ascend
-            ranks = np.argsort(keys[:held], kind="mergesort")
-            items[:held], keys[:held] = items[:held][ranks], keys[:held][ranks]
-        else:
-            for i in range(1, held):
-                item, key, j = items[i], keys[i], i
-                while j > 0 and comes_before(key, item, keys[j - 1], items[j - 1]):
-                    items[j], keys[j] = items[j - 1], keys[j - 1]
-                    j -= 1
-                items[j], keys[j] = item, key
+        sort_by_key(items, keys, held)
         # Their places follow each other; an escape leads to the next one, or past the parent
         at += 1
         for i in range(held):

@@ -25,9 +25,9 @@ def moved_vertices(
     places = triangles.reshape(-1, 3)[at]
     bits = places.view(np.int32)
 
-    # All corners of a vertex go where its first one does, unless they differ
+    # Corners of a vertex go to one place, whichever is read, unless they differ
     positions = vertices.positions.copy()
-    positions[number[::-1]] = places[::-1]
+    positions[number] = places
     apart = (positions.view(np.int32)[number] != bits).any(axis=1)
     if not apart.any():
         return SharedVertices(positions, vertices.corners)

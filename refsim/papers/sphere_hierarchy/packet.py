@@ -1,7 +1,11 @@
 """Packets: 64 rays walk one list together, and nothing changes. Template of `refsim.jit`.
 
 Each lane keeps the element it goes on with and is active where that is the packet's; the packet moves to the smallest.
-Hits and counts are those of the scalar loop (`traversal.walk`), which has the equations.
+The lanes are four groups of 16, a vector each, and a group none of whose lanes is active is passed over. Hits and
+counts are those of the scalar loop (`traversal.walk`), which has the equations.
+
+The columns of a group lie together. Indices stay int32 (numba adds int32 to int64, which would halve the vectors), and
+lanes are filled in a loop with an early end, so that it stays scalar: gathers are slower than loads.
 """
 
 from __future__ import annotations
@@ -11,10 +15,12 @@ import numpy as np
 from refsim.geometry.triangle import intersect
 from refsim.papers.sphere_hierarchy.traversal import misses_sphere, per_length, slack_of
 
-LANES = 64
-F0, F1 = np.float32(0), np.float32(1)
+GROUPS, LANES = 4, 16
+PACKET = GROUPS * LANES
+F0 = np.float32(0)
 I = np.int32  # noqa: E741
 U = np.uintp
+I0, I1 = I(0), I(1)
 ENDED = I(2**31 - 1)
 
 
@@ -23,87 +29,115 @@ def walk_packets(
     offset, triangle, t, u, v, nodes, tests,
 ):  # fmt: skip
     """`traversal.walk` for rows of which those of one list stand together."""
-    lane = np.empty((14, LANES), np.float32)
-    following, visited, tested = np.empty(LANES, np.int32), np.empty(LANES, np.int32), np.empty(LANES, np.int32)
-    found, row_of = np.empty(LANES, np.int32), np.empty(LANES, np.int32)
+    # Columns of a group: o, d, w, κ, t_max, best t, u, v; the next element, the triangle found, nodes and tests
+    ray = np.empty((GROUPS, 14, LANES), np.float32)
+    ints = np.empty((GROUPS, 4, LANES), np.int32)
+    smallest = np.empty(GROUPS, np.int32)
     done = 0
     while done < rows.shape[0]:
         # The next rows of one list; lanes that stay empty have ended
         number = lists[U(rows[done])]
         base = first[number]
         end = I(first[number + 1] - base)
-        many = 0
-        while many < LANES and done + many < rows.shape[0] and lists[U(rows[done + many])] == number:
-            many += 1
+        many = min(PACKET, rows.shape[0] - done)
+        if lists[U(rows[done + many - 1])] != number:
+            many = 1
+            while lists[U(rows[done + many])] == number:
+                many += 1
+        for i in range(PACKET):
+            if i >= many:
+                break
+            row = U(rows[done + i])
+            g, j = U(i) // U(LANES), U(i) % U(LANES)
+            ray[g, 0, j], ray[g, 1, j], ray[g, 2, j] = origin[row, 0], origin[row, 1], origin[row, 2]
+            ray[g, 3, j], ray[g, 4, j], ray[g, 5, j] = direction[row, 0], direction[row, 1], direction[row, 2]
+            limit, held = t_max[row], triangle[row]
+            ray[g, 10, j] = limit
+            ray[g, 11, j] = t[row] if held >= I0 else limit
+            ints[g, 1, j] = held
+            begins = (limit > F0) & ((held < I0) | (not any_hit))
+            ints[g, 0, j] = starts[row] if begins else ENDED
+        for i in range(many, PACKET):
+            ints[U(i) // U(LANES), 0, U(i) % U(LANES)] = ENDED
         current = ENDED
-        for j in range(LANES):
-            j = U(j)
-            row = U(rows[done + j]) if j < many else U(rows[done])
-            o = origin[row, 0], origin[row, 1], origin[row, 2]
-            d = direction[row, 0], direction[row, 1], direction[row, 2]
-            w = per_length(d)
-            lane[0, j], lane[1, j], lane[2, j] = o
-            lane[3, j], lane[4, j], lane[5, j] = d
-            lane[6, j], lane[7, j], lane[8, j] = w
-            lane[9, j] = slack_of(o, root)
-            lane[10, j] = t_max[row]
-            found[j] = triangle[row]
-            lane[11, j] = t[row] if found[j] >= I(0) else t_max[row]
-            lane[12, j], lane[13, j] = u[row], v[row]
-            row_of[j] = I(row)
-            visited[j], tested[j] = I(0), I(0)
-            begins = (j < many) & (t_max[row] > F0) & (starts[row] < end) & ((found[j] < I(0)) | (not any_hit))
-            following[j] = starts[row] if begins else ENDED
-            current = min(current, following[j])
+        for g in range(GROUPS):
+            g = U(g)
+            low = ENDED
+            for j in range(LANES):
+                j = U(j)
+                w = per_length((ray[g, 3, j], ray[g, 4, j], ray[g, 5, j]))
+                ray[g, 6, j], ray[g, 7, j], ray[g, 8, j] = w
+                ray[g, 9, j] = slack_of((ray[g, 0, j], ray[g, 1, j], ray[g, 2, j]), root)
+                ints[g, 2, j], ints[g, 3, j] = I0, I0
+                low = min(low, ints[g, 0, j])
+            smallest[g] = low
+            current = min(current, low)
+        tested = False
         while current < end:
             at = U(base + current)
             step = escape[at]
-            past = current + step if step > I(0) else ENDED
-            low = ENDED
-            if step == I(1) or step == I(0):
+            child = I(current + I1)
+            past = I(current + step) if step > I0 else ENDED
+            if (step == I1) | (step == I0):
+                tested = True
                 a = records[U(payload[at, 3])]
-                own = payload[at, 3] + offset
+                own = I(payload[at, 3] + offset)
                 v0, n, m1, m2 = (a[0], a[1], a[2]), (a[3], a[4], a[5]), (a[6], a[7], a[8]), (a[9], a[10], a[11])
-                for j in range(LANES):
-                    j = U(j)
-                    active = following[j] == current
-                    o = lane[0, j], lane[1, j], lane[2, j]
-                    d = lane[3, j], lane[4, j], lane[5, j]
-                    inside, near, weight_u, weight_v, den = intersect(o, d, lane[10, j], v0, n, m1, m2)
-                    nearer = (near < lane[11, j]) | ((near == lane[11, j]) & (own < found[j]))
-                    taken = active & inside & nearer & ((den < F0) | (not front_only))
-                    lane[11, j] = near if taken else lane[11, j]
-                    lane[12, j] = weight_u if taken else lane[12, j]
-                    lane[13, j] = weight_v if taken else lane[13, j]
-                    found[j] = own if taken else found[j]
-                    on = ENDED if taken & any_hit else past
-                    goes = on if active else following[j]
-                    following[j] = goes
-                    visited[j] += I(active)
-                    tested[j] += I(active)
-                    low = min(low, goes)
+                for g in range(GROUPS):
+                    g = U(g)
+                    if smallest[g] != current:
+                        continue
+                    low = ENDED
+                    for j in range(LANES):
+                        j = U(j)
+                        active = ints[g, 0, j] == current
+                        o = ray[g, 0, j], ray[g, 1, j], ray[g, 2, j]
+                        d = ray[g, 3, j], ray[g, 4, j], ray[g, 5, j]
+                        inside, near, weight_u, weight_v, den = intersect(o, d, ray[g, 10, j], v0, n, m1, m2)
+                        best, held = ray[g, 11, j], ints[g, 1, j]
+                        nearer = (near < best) | ((near == best) & (own < held))
+                        taken = active & inside & nearer & ((den < F0) | (not front_only))
+                        ray[g, 11, j] = near if taken else best
+                        ray[g, 12, j] = weight_u if taken else ray[g, 12, j]
+                        ray[g, 13, j] = weight_v if taken else ray[g, 13, j]
+                        ints[g, 1, j] = own if taken else held
+                        on = ENDED if taken & any_hit else past
+                        goes = on if active else ints[g, 0, j]
+                        ints[g, 0, j] = goes
+                        ints[g, 2, j] = I(ints[g, 2, j] + I(active))
+                        ints[g, 3, j] = I(ints[g, 3, j] + I(active))
+                        low = min(low, goes)
+                    smallest[g] = low
             else:
                 s = spheres[at]
                 x, y, z, radius = s[0], s[1], s[2], s[3]
-                child = current + I(1)
-                for j in range(LANES):
-                    j = U(j)
-                    active = following[j] == current
-                    o = lane[0, j], lane[1, j], lane[2, j]
-                    d = lane[3, j], lane[4, j], lane[5, j]
-                    w = lane[6, j], lane[7, j], lane[8, j]
-                    misses = misses_sphere(o, d, w, lane[9, j], lane[11, j], x, y, z, radius)
-                    on = past if misses else child
-                    goes = on if active else following[j]
-                    following[j] = goes
-                    visited[j] += I(active)
-                    low = min(low, goes)
-            current = low
-        for j in range(many):
-            j = U(j)
-            row = U(row_of[j])
-            nodes[row] += visited[j]
-            tests[row] += tested[j]
-            if found[j] >= I(0):
-                triangle[row], t[row], u[row], v[row] = found[j], lane[11, j], lane[12, j], lane[13, j]
+                for g in range(GROUPS):
+                    g = U(g)
+                    if smallest[g] != current:
+                        continue
+                    low = ENDED
+                    for j in range(LANES):
+                        j = U(j)
+                        active = ints[g, 0, j] == current
+                        o = ray[g, 0, j], ray[g, 1, j], ray[g, 2, j]
+                        d = ray[g, 3, j], ray[g, 4, j], ray[g, 5, j]
+                        w = ray[g, 6, j], ray[g, 7, j], ray[g, 8, j]
+                        misses = misses_sphere(o, d, w, ray[g, 9, j], ray[g, 11, j], x, y, z, radius)
+                        on = past if misses else child
+                        goes = on if active else ints[g, 0, j]
+                        ints[g, 0, j] = goes
+                        low = min(low, goes)
+                        ints[g, 2, j] = I(ints[g, 2, j] + I(active))
+                    smallest[g] = low
+            current = min(min(smallest[0], smallest[1]), min(smallest[2], smallest[3]))
+        # Only a triangle test can have found something
+        for i in range(many):
+            nodes[U(rows[done + i])] += ints[U(i) // U(LANES), 2, U(i) % U(LANES)]
+        if tested:
+            for i in range(many):
+                row = U(rows[done + i])
+                g, j = U(i) // U(LANES), U(i) % U(LANES)
+                tests[row] += ints[g, 3, j]
+                if ints[g, 1, j] != triangle[row]:
+                    triangle[row], t[row], u[row], v[row] = ints[g, 1, j], ray[g, 11, j], ray[g, 12, j], ray[g, 13, j]
         done += many

@@ -11,7 +11,6 @@ from refsim.papers.sphere_hierarchy.heads_walk import (
     OFFSET,
     ROWS,
     child_towards,
-    clear_planes,
     first_survivor,
     put_plane,
     slack_at,
@@ -33,7 +32,6 @@ def put_side(planes, k, x, y, z, t, n, epsilon):
 @func
 def put_sides(planes, t, n, sides, epsilon):
     """The polygon's own plane and those of the directions, `sides` f64[k, 3]; returns how many."""
-    clear_planes(planes)
     put_side(planes, 0, np.float64(n[0]), np.float64(n[1]), np.float64(n[2]), t, n, epsilon)
     for k in range(sides.shape[0]):
         put_side(planes, k + 1, sides[k, 0], sides[k, 1], sides[k, 2], t, n, epsilon)
@@ -76,8 +74,8 @@ def heads_of_polygons(
         if n[0] == 0 and n[1] == 0 and n[2] == 0:
             elements[row] = 0
             continue
-        put_sides(planes, t, n, sides, epsilon)
-        at = first_survivor(planes, first, end, escape, spheres, payload, triangles, margin)
+        count = np.uintp(put_sides(planes, t, n, sides, epsilon))
+        at = first_survivor(planes, count, first, end, escape, spheres, payload, triangles, margin)
         if climbs and at < end:
             at = outermost_apart(at, t, first, end, escape, spheres)
         elements[row] = at - first

@@ -6,6 +6,7 @@ In: a kernel that goes through the rows of rays it is given, its inputs and the 
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,6 @@ def in_blocks(
     cuts = np.linspace(0, n, min(8 * workers, max(n, 1)) + 1).astype(int)
     inputs = (rays.origin, rays.direction, rays.t_max, bool(any_hit), facing == "front", *structure)
     outputs = (hits.triangle, hits.t, hits.u, hits.v, nodes, tests, *counts)
-    parts = [rows[a:b] for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b > a]
+    parts = [rows[a:b] for a, b in pairwise(cuts) if b > a]
     run_all(label, workers, [lambda part=part: loop(part, *inputs, *outputs) for part in parts])
     return Found(hits, nodes, tests)

@@ -7,7 +7,8 @@ lists (`boxes`, `ordered_stack`, `kd_search`) return the same.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -58,12 +59,14 @@ def search(
     nodes, tests = np.zeros(n, np.int32), np.zeros(n, np.int32)
     workers = checked_threads(threads)
     loop = specialise(walk_packets if packet else traversal.walk, slots or {})
-    order, offset = tile_order(rays.width, rays.height, n), 0
+    order, offset = tile_order(rays.width, rays.height, n, (16, 8, 4)), 0  # 4 × 4: a group of a packet
+    alive = rays.t_max > 0
+    live = order if alive.all() else order[alive[order]]
     for k, lists in enumerate(layers):
         picked = list_of_rays(rays.direction, lists.count)
         head = None if starts is None else starts[k]
         begin = np.zeros(n, np.int32) if head is None else head
-        rows = by_list(order, picked)
+        rows = by_list(live, picked)
         cuts = np.linspace(0, len(rows) // 64, 8 * workers + 1).astype(int) * 64
         cuts[-1] = len(rows)
         inputs = (
@@ -71,23 +74,29 @@ def search(
             lists.first, lists.records, lists.hierarchy.spheres[0], any_hit, facing == "front", np.int32(offset),
         )  # fmt: skip
         outputs = (hits.triangle, hits.t, hits.u, hits.v, nodes, tests)
-        parts = [rows[a:b] for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b > a]
-        run_all("traversal", workers, [lambda part=part: loop(part, *inputs, *outputs) for part in parts])
+        parts = [rows[a:b] for a, b in pairwise(cuts) if b > a]
+        run_all("traversal", workers, [partial(loop, part, *inputs, *outputs) for part in parts])
         offset += len(lists.hierarchy.triangles)
     return Found(hits, nodes, tests)
 
 
 @lru_cache(maxsize=8)
-def tile_order(width: int | None, height: int | None, count: int) -> NDArray[np.int32]:
-    """Rows of rays by tiles of 8 × 8 pixels, four of them a block of 16 × 16; as they come where there is no image."""
+def tile_order(
+    width: int | None, height: int | None, count: int, sides: tuple[int, ...] = (16, 8)
+) -> NDArray[np.int32]:
+    """Rows of rays by tiles of 8 × 8 pixels, four of them a block of 16 × 16; as they come where there is no image.
+
+    sides    of the tiles, each a part of the one before; within the last, rows as they come
+    """
     rows = np.arange(count, dtype=np.int32)
     if width is None or height is None:
         return rows
     y, x = np.divmod(rows, np.int32(width))
-    keys = [part.astype(np.int32) for part in (y // 16, x // 16, y // 8, x // 8)]
+    keys = [part.astype(np.int32) for side in sides for part in (y // side, x // side)]
     return np.ascontiguousarray(np.lexsort(keys[::-1]).astype(np.int32))
 
 
 def by_list(order: NDArray[np.int32], picked: NDArray[np.int32]) -> NDArray[np.int32]:
     """The same rows, those of one list together, otherwise in the same order."""
-    return order[np.argsort(picked[order].astype(np.int8), kind="stable")]
+    lists = picked[order].astype(np.int8)
+    return order[np.argsort(lists, kind="stable")] if len(lists) and lists.min() < lists.max() else order

@@ -44,7 +44,8 @@ def record_walk(
         place = at[j]
         hit_u, hit_v = u[row], v[row]
         while node < end:
-            elements[place] = base + I(node)
+            if place < elements.shape[0]:  # a loop that went wrong is found by its counts, not by a crash
+                elements[place] = base + I(node)
             place += 1
             step = escape[node]
             if step == I(1) or step == I(0):

@@ -101,15 +101,14 @@ class Recorder:
         counts = np.where(rows < 0, 0, self.nodes[rows])
         offsets = np.zeros(len(rows) + 1, np.int64)
         np.cumsum(counts, out=offsets[1:])
-        # One place more: a loop that went wrong by a step is found below, not by a crash
-        elements, at = np.empty(offsets[-1] + 1, np.int32), offsets[:-1].copy()
+        elements, at = np.empty(offsets[-1], np.int32), offsets[:-1].copy()
         workers = self.threads if threads is None else threads
         cuts = np.linspace(0, len(rows), workers + 1).astype(int)
         parts = [slice(a, b) for a, b in pairwise(cuts) if b > a]
         run_all("visits", workers, [self._task(rows[part], at[part], elements) for part in parts])
         if not np.array_equal(at, offsets[1:]):
             raise ConservationError("rays were seen to visit other elements than were counted.")
-        return Visits(rows, offsets, elements[:-1])
+        return Visits(rows, offsets, elements)
 
     def _task(self, rows: NDArray[np.int32], at: NDArray[np.int64], elements: NDArray[np.int32]) -> Any:
         """Rows through all layers, on a thread."""
