@@ -84,7 +84,8 @@ def test_against_embree(benchmark, report, bunny, lists, kind: str, threads: int
     targets = " (targets 2.3 and 0.7, aim 1.0)" if kind == "primary" else ""
     report(
         f"{kind}, bunny {SIZE}², {threads} threads, {live.sum():,} rays, {found.hits.hit[live].mean():.1%} hit, "
-        f"M rays/s: packets {rate['packets']:.2f}, scalar {rate['scalar']:.2f}, Embree through Open3D {rate['Embree']:.2f}"
+        f"M rays/s: packets {rate['packets']:.2f}, scalar {rate['scalar']:.2f}, "
+        f"Embree through Open3D {rate['Embree']:.2f}"
     )
     report(
         f"  packets / scalar {rate['packets'] / rate['scalar']:.2f}, packets / Embree "

@@ -116,9 +116,13 @@ class Loop:
 class OurLoop(Loop):
     """`traversal.walk`."""
 
+    def __call__(self) -> None:
+        self.function = specialise(traversal.walk, {})
+        super().__call__()
+
     def part(self, rows: np.ndarray) -> None:
         a, rays = self.lists, self.rays
-        specialise(traversal.walk, {})(
+        self.function(
             rows, self.picked, self.starts, rays.origin, rays.direction, rays.t_max, a.escape, a.spheres, a.payload,
             a.first, a.records, a.hierarchy.spheres[0], False, False, np.int32(0), *self.outputs(),
         )  # fmt: skip

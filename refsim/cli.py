@@ -125,7 +125,7 @@ def doctor(ctx: click.Context, as_json: bool) -> None:
 
 
 @commands.command()
-@click.argument("topic", type=click.Choice(["hre", "gsr", "pipeline"]), default="hre", metavar="TOPIC")
+@click.argument("topic", type=click.Choice(["hre", "gsr", "bsh", "pipeline"]), default="hre", metavar="TOPIC")
 @click.option("--quick", is_flag=True, help="Smaller sizes, in two minutes at most.")
 @click.option("--only", metavar="ID", help="One figure or table.")
 @click.option(
@@ -137,8 +137,9 @@ def doctor(ctx: click.Context, as_json: bool) -> None:
 def reproduce(topic: str, quick: bool, only: str | None, out: Path | None) -> None:
     """Make figures and tables again.
 
-    TOPIC is hre, the paper on the Hierarchical Ray Engine, gsr, the one on ray tracing in the geometry shader, or
-    pipeline, what a draw does stage by stage. Each figure or table is a picture and the CSV behind it.
+    TOPIC is hre, the paper on the Hierarchical Ray Engine, gsr, the one on ray tracing in the geometry shader, bsh,
+    the one on traversal lists of bounding spheres, or pipeline, what a draw does stage by stage. Each figure or table
+    is a picture and the CSV behind it.
     """
     from refsim import experiments
     from refsim.progress import progress

@@ -36,7 +36,7 @@ LIST = (
         "Which triangles a list leaves out; needs facing='front'.",
     ),
     choice("heads", None, (None, "simple", "regular"), "Per-polygon heads, for rays that leave a polygon."),
-    whole("screen_cells", None, 1, 4096, "Heads for n × n cells of the picture, for eye rays."),
+    whole("screen_cells", None, 1, 1024, "Heads for n × n cells of the picture, for eye rays."),
     choice("head_rule", "leaf", ("leaf", "climb"), "A head is the first surviving leaf, or an ancestor of it."),
     choice("packet", True, (True, False), "64 rays walk together, or each alone: same hits, same counts."),
     real("threshold", 0.5, 0.0, 1.0, "A triangle this big against its node stays there: share of the radius."),

@@ -53,12 +53,12 @@ def measure(name: str, structure: str, size_px: int, mesh: str) -> Rows:
 
 
 def _structure(name: str, structure: str) -> Any:
-    from refsim.papers.sphere_hierarchy import boxes, kd_search, ordered_stack
+    from refsim.papers.sphere_hierarchy import boxes, kd_search, kd_tree, ordered_stack
 
     if structure.startswith("boxes"):
         return boxes.build_boxes(lists_of(name, True, 1))
     if structure.startswith("kd-tree"):
-        return kd_search.build_kd(scene_of(name), structure.split(", ")[1])
+        return kd_search.kd_search(kd_tree.build_kd_tree(scene_of(name)), structure.split(", ")[1])
     return ordered_stack.build_stack(hierarchy_of(name))
 
 
@@ -114,9 +114,9 @@ def plot(rows: Rows) -> Any:
 EXPERIMENT = Experiment(
     "bsh-compared",
     "Lists against boxes, an ordered stack and kd-trees",
-    "256² (64² with `--quick`) eye rays and the shadow rays that they send, ground, fronts only; every structure finds "
-    "the same hits. Nodes are all that a ray looks at (spheres, boxes, inner nodes and leaves of kd-trees, triangles); "
-    "dark: the triangles among them. `all on`: safe culling, regular heads, 16 × 16 screen cells.",
+    "256² (64² with `--quick`) eye rays and the shadow rays that they send, ground, fronts only; every structure "
+    "finds the same hits. Nodes are all that a ray looks at (spheres, boxes, inner nodes and leaves of kd-trees, "
+    "triangles); dark: the triangles among them. `all on`: safe culling, regular heads, 16 × 16 screen cells.",
     cases,
     measure,
     plot,

@@ -101,12 +101,12 @@ def _draw_list(axes: Any, rows: Rows) -> None:
         _draw_element(axes, at, 0.0, row)
         axes.text(at, -0.62, f"{escape}", ha="center", va="center", fontsize=8)
         if row is not rows[-1]:
-            look = {"arrowstyle": "-|>", "mutation_scale": 7, "color": style.FAINT, "linewidth": 0.9}
+            look: Any = {"arrowstyle": "-|>", "mutation_scale": 7, "color": style.FAINT, "linewidth": 0.9}
             axes.add_patch(FancyArrowPatch((at + 0.31, 0.0), (at + 0.69, 0.0), **look))
         if row["kind"] == "sphere":
             target = row["leads_to"] if row["leads_to"] != "end" else len(rows)
             bend = f"arc3,rad={-0.9 / (target - at) ** 0.5:.3f}"
-            dots = {"arrowstyle": "-|>", "mutation_scale": 8, "linestyle": (0, (1, 1.6)), "linewidth": 1.3}
+            dots: Any = {"arrowstyle": "-|>", "mutation_scale": 8, "linestyle": (0, (1, 1.6)), "linewidth": 1.3}
             axes.add_patch(
                 FancyArrowPatch((at, 0.34), (target, 0.34), connectionstyle=bend, color=style.PURPLE, **dots)
             )

@@ -1,5 +1,5 @@
-"""Figure 2: the partitions of the directions of space, drawn on the sphere by the very function that picks a ray's list;
-and what each list's share of directions is, and of normals that its culling rules leave out (BSH-E1, E2).
+"""Figure 2: the partitions of the directions of space, drawn on the sphere by the function that picks a ray's list; and
+each list's share of directions, and of normals that its culling rules leave out (BSH-E1, E2).
 
 Efficient Stackless Ray Traversal for Bounding Sphere Hierarchies with CUDA, section 2.1."""
 
@@ -131,8 +131,9 @@ EXPERIMENT = Experiment(
     "Each point of a sphere is a direction and has the colour of the list that a ray of that direction takes; a name "
     "says along which axis or diagonal the list is sorted. The table has each list's share of directions, and of "
     "400,000 normals (4,000 with `--quick`), spread evenly, the percentage that each culling rule leaves out; "
-    "`pairs_facing` are, of 200,000 pairs of such a normal and a direction of the list (seeded), those that meet front "
-    "to front; `unsafe` are culled normals that the safe rule would keep: some direction of the list faces them.",
+    "`pairs_facing` are, of 200,000 pairs of such a normal and a direction of the list (seeded), those that meet "
+    "front to front; `unsafe` are culled normals that the safe rule would keep: some direction of the list faces "
+    "them.",
     cases,
     measure,
     plot,

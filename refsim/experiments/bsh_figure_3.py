@@ -1,4 +1,4 @@
-"""Figure 3: what heads skip of a list of five primitives, for rays that leave a triangle and for those of a screen cell.
+"""Figure 3: what heads skip of a list of five primitives, for rays off a triangle and those of a screen cell.
 
 The heads are those of the library, on triangles that a view along z shows as lines; areas are the half-spaces at z = 0.
 Efficient Stackless Ray Traversal for Bounding Sphere Hierarchies with CUDA, section 3."""
@@ -107,7 +107,8 @@ def _draw_areas(axes: Any, rows: Rows, part: str) -> None:
         ring = np.linspace(0.0, 2.0 * np.pi, 200)
         color = style.INK if row["rejected"] else style.BLUE
         circle = row["a"] + row["c"] * np.cos(ring), row["b"] + row["c"] * np.sin(ring)
-        axes.plot(*circle, color=color, linewidth=0.7 if row["rejected"] else 1.2, linestyle="--" if row["rejected"] else "-")
+        width, dash = (0.7, "--") if row["rejected"] else (1.2, "-")
+        axes.plot(*circle, color=color, linewidth=width, linestyle=dash)
     for row in _of(rows, "triangle"):
         look = {"color": style.INK if row["rejected"] else style.VERMILION, "linewidth": 2.6}
         axes.plot((row["a"], row["c"]), (row["b"], row["d"]), solid_capstyle="round", **look)
@@ -145,9 +146,9 @@ def _draw_cell(axes: Any, row: Row) -> None:
 EXPERIMENT = Experiment(
     "bsh-figure-3",
     "Figure 3: list elements that heads skip",
-    "Five triangles seen as lines, the list along +x of six, with the library's own heads (`regular`, `leaf`). (a) Dark "
-    "grey lies behind the triangle that the rays leave, light grey behind one of the further planes. (b) Light grey "
-    "lies outside the planes around the cell's rays. Dashed spheres and black lines are rejected by at least one "
+    "Five triangles seen as lines, the list along +x of six, with the library's own heads (`regular`, `leaf`). (a) "
+    "Dark grey lies behind the triangle that the rays leave, light grey behind one of the further planes. (b) Light "
+    "grey lies outside the planes around the cell's rays. Dashed spheres and black lines are rejected by at least one "
     "plane, the others are not. Below, the list: `out` is rejected; grey elements come before the head and are "
     "skipped. An element that is out but stands behind the head is still visited.",
     cases,

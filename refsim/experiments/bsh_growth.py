@@ -5,7 +5,6 @@ Two laws are fitted by least squares: a + b log2 n, and c n^p (on logarithms, co
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -98,7 +97,7 @@ def plot(rows: Rows) -> Any:
             _draw_laws(axes, fitted[family], x, color)
         if family == "meshes":
             for row in own:
-                shift = (-5, 6) if row["scene"] not in ("bunny", "dragon_res4") else (6, -10)
+                shift = (-5, 6) if row["scene"] not in ("bunny", "suzanne") else (6, -10)
                 axes.annotate(row["scene"], (row["triangles"], row["nodes_per_ray"]), xytext=shift, fontsize=7.5,
                               textcoords="offset points", ha="right" if shift[0] < 0 else "left")  # fmt: skip
     absent = [row["scene"] for row in rows if row["triangles"] == MISSING]
@@ -121,18 +120,13 @@ def _draw_laws(axes: Any, law: Any, x: list[int], color: str) -> None:
     axes.plot(n, law["power_c"] * n ** law["power_p"], ":", color=color, linewidth=1.3)
 
 
-def doubling(law: Any) -> float:
-    """Nodes that twice the triangles cost by the log law."""
-    return float(law["log_b"]) * math.log2(2.0)
-
-
 EXPERIMENT = Experiment(
     "bsh-growth",
     "Nodes a ray against triangles",
     "256² eye rays (64² and fewer sizes with `--quick`) and their shadow rays, no ground, six lists, no further "
-    "optimisation; the camera sees each body from the same side and as large. Solid: a + b log2 n; dotted: c n^p; both "
-    "fitted by least squares. The table has both laws and how far they are off (root mean square, nodes). A mesh that "
-    "is not at hand reads `missing`.",
+    "optimisation; the camera sees each body from the same side and as large. Solid: a + b log2 n; dotted: c n^p; "
+    "both fitted by least squares. The table has both laws and how far they are off (root mean square, nodes). A mesh "
+    "that is not at hand reads `missing`.",
     cases,
     measure,
     plot,

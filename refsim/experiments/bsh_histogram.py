@@ -1,5 +1,5 @@
-"""How many nodes rays visit with heads and without: screen cells for eye rays, per-polygon heads for shadow rays and for
-rays that a mirror sends on; by first surviving leaf, and by climbing (BSH-E4).
+"""How many nodes rays visit with heads and without: screen cells for eye rays, per-polygon heads for shadow rays and
+for rays that a mirror sends on; by first surviving leaf, and by climbing (BSH-E4).
 
 A head that begins in mid-list bypasses the node whose escape would have skipped more, so some rays visit more elements.
 Efficient Stackless Ray Traversal for Bounding Sphere Hierarchies with CUDA, section 3."""
@@ -152,10 +152,10 @@ def _draw(axes: Any, rows: Rows) -> None:
 EXPERIMENT = Experiment(
     "bsh-histogram",
     "Nodes that rays visit, with heads and without",
-    "384² (64² with `--quick`), six lists, both sides are hit. Histograms of the bunny: eye rays with heads of 16 × 16 "
-    "screen cells; shadow rays, and rays off the same surfaces as mirrors, with regular per-polygon heads. The last bin "
-    "is open. The table also has Suzanne and simple heads: means, the share of rays that visit more nodes than without "
-    "heads, and by how many at most.",
+    "384² (64² with `--quick`), six lists, both sides are hit. Histograms of the bunny: eye rays with heads of 16 × "
+    "16 screen cells; shadow rays, and rays off the same surfaces as mirrors, with regular per-polygon heads. The "
+    "last bin is open. The table also has Suzanne and simple heads: means, the share of rays that visit more nodes "
+    "than without heads, and by how many at most.",
     cases,
     measure,
     plot,

@@ -83,10 +83,10 @@ def plot(rows: Rows) -> Any:
 EXPERIMENT = Experiment(
     "bsh-locality",
     "Lists and the texture cache",
-    "192² (48² and three scenes with `--quick`) eye and shadow rays, ground, no culling or heads, warps of 8 × 4 pixels "
-    "on 30 multiprocessors with 32 resident warps each. The cache is a model (64 sets of 2 lines of 64 bytes, least "
-    "recently used); another one, and eye rays alone, are in the table. A structure from which less is fetched may hit "
-    "a smaller share: bytes from memory are what a memory-bound program waits for.",
+    "192² (48² and three scenes with `--quick`) eye and shadow rays, ground, no culling or heads, warps of 8 × 4 "
+    "pixels on 30 multiprocessors with 32 resident warps each. The cache is a model (64 sets of 2 lines of 64 bytes, "
+    "least recently used); another one, and eye rays alone, are in the table. A structure from which less is fetched "
+    "may hit a smaller share: bytes from memory are what a memory-bound program waits for.",
     cases,
     measure,
     plot,

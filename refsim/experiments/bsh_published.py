@@ -1,4 +1,4 @@
-"""What the text of Efficient Stackless Ray Traversal for Bounding Sphere Hierarchies says in numbers, each with its place.
+"""What the text of Efficient Stackless Ray Traversal for Bounding Sphere Hierarchies says in numbers, and where.
 
 Rates and times are those of a GTX 280; nothing here is one of ours. Numbers that follow from others say from which.
 """
@@ -129,6 +129,6 @@ def _rates(place: str, name: str, rates: Rates) -> list[tuple[str, str, float | 
         (place, f"rays, {name}", rates.mrays, "million/s", "text"),
         (place, f"nodes, {name}", rates.gnodes, "thousand million/s", "text"),
         (place, f"nodes a ray, {name}", round(rates.nodes_per_ray, 1), "nodes", "nodes/s / rays/s"),
-        (place, f"nodes a ray / {WARP}, {name}", round(rates.nodes_per_ray / WARP, 2), "nodes", "nodes/s / rays/s / 32"),
+        (place, f"nodes a ray / {WARP}, {name}", round(rates.nodes_per_ray / WARP, 2), "nodes", f"the same / {WARP}"),
         (place, f"rays a pixel, {name}", round(rates.rays_per_pixel, 4), "rays", f"rays/s / (frames/s * {SIDE}^2)"),
     ]

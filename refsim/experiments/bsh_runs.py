@@ -1,4 +1,4 @@
-"""What the experiments of the sphere hierarchy's paper share: its scenes on a stage, a camera, lists that are kept, runs.
+"""What the experiments of the sphere hierarchy's paper share: scenes on a stage, a camera, kept lists, runs.
 
 The paper gives neither cameras nor lights, but rays a second and frames a second, hence rays a pixel: 1.18 for the bare
 bunny, 1.79 to 1.88 with a ground. `VIEW`, `FILL` and `HALF` are such that this one set-up gives nearly the same for all
@@ -33,6 +33,7 @@ VIEW, FILL, HALF = (0.35, 0.5, 1.0), 1.05, 3.0
 CAMERAS: dict[str, tuple[tuple[float, float, float], float]] = {
     "front": (VIEW, FILL), "right": ((1.0, 0.4, 0.3), FILL), "back": ((-0.35, 0.5, -1.0), FILL),
     "left": ((-1.0, 0.4, -0.3), FILL), "above": ((0.2, 1.0, 0.35), FILL), "close": (VIEW, 0.5),
+    "diagonal": ((1.0, 0.9, 0.9), 0.6),
 }  # fmt: skip
 PLASTER = Material("plaster", "diffuse", (0.75, 0.72, 0.66))
 FLOOR = Material("floor", "diffuse", (0.5, 0.52, 0.55))

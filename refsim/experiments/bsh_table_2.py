@@ -138,7 +138,7 @@ def _draw_nodes(axes: Any, rows: Rows) -> None:
         axes.plot(x, [row[key] for row in rows], marker=marker, color=color, label=name)
     said = [published.TABLE_2[row["published_scene"]] for row in rows]
     by_32 = [rates.nodes_per_ray / published.WARP for _, _, rates in said]
-    axes.plot([triangles for triangles, _, _ in said], by_32, "D--", color=style.ORANGE, label="paper / 32", linewidth=1)
+    axes.plot([triangles for triangles, _, _ in said], by_32, "D--", color=style.ORANGE, label="paper / 32", lw=1)
     axes.set_xscale("log")
     axes.set_ylim(0, None)
     axes.set_xlabel("triangles")
@@ -168,11 +168,11 @@ def _draw_readings(axes: Any, rows: Rows) -> None:
 EXPERIMENT = Experiment(
     "bsh-table-2",
     "Table 2: the scenes in counts, and readings of the paper's counter",
-    "512² (96² and no dragon with `--quick`), ground, safe sextant culling, regular heads, 16 × 16 screen cells; warps "
-    "of 8 × 4 pixels. Left: nodes a ray; the paper's nodes/s by rays/s by 32. Right: the paper's number divided by what "
-    "an account of warps of 32 gives if the counter is read so; at 1 the reading fits. The paper prints more nodes a "
-    "ray than the list of the cubes has elements. All readings are in the table; `worst_factor` leaves substitutes "
-    "out.",
+    "512² (96² and no dragon with `--quick`), ground, safe sextant culling, regular heads, 16 × 16 screen cells; "
+    "warps of 8 × 4 pixels. Left: nodes a ray; the paper's nodes/s by rays/s by 32. Right: the paper's number divided "
+    "by what an account of warps of 32 gives if the counter is read so; at 1 the reading fits. The paper prints more "
+    "nodes a ray than the list of the cubes has elements. All readings are in the table; `worst_factor` leaves "
+    "substitutes out.",
     cases,
     measure,
     plot,

@@ -48,7 +48,8 @@ def measure(name: str, threshold: float, size_px: int, mesh: str) -> Rows:
 def plot(rows: Rows) -> Any:
     """Nodes, tests and length, each against its value at 0.5."""
     figure = style.new_figure(3.3)
-    shown = (("nodes_per_ray", "nodes a ray"), ("tests_per_ray", "triangle tests a ray"), ("elements_a_list", "elements"))
+    shown = (("nodes_per_ray", "Nodes a ray"), ("tests_per_ray", "Triangle tests a ray"),
+             ("elements_a_list", "Elements of a list"))  # fmt: skip
     panels = figure.subplots(1, 3)
     present = [row for row in rows if row["triangles"] != MISSING]
     absent = sorted({row["scene"] for row in rows if row["triangles"] == MISSING})
@@ -71,9 +72,9 @@ def plot(rows: Rows) -> Any:
 EXPERIMENT = Experiment(
     "bsh-threshold",
     "The threshold from which a triangle stays at its node",
-    "256² (64² with `--quick`) eye rays and their shadow rays, ground, six lists. A triangle stays at a node where its "
-    "own sphere would have a radius of at least the threshold times the node's. The lower it is, the fewer spheres, and "
-    "the more triangles a ray tests. Bytes are in the table.",
+    "256² (64² with `--quick`) eye rays and their shadow rays, ground, six lists. A triangle stays at a node where "
+    "its own sphere would have a radius of at least the threshold times the node's. The lower it is, the fewer "
+    "spheres, and the more triangles a ray tests. Bytes are in the table.",
     cases,
     measure,
     plot,

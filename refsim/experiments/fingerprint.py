@@ -17,7 +17,7 @@ EXPERIMENTS = "experiments"
 # Rooms and files that compute nothing of a row
 SILENT = {EXPERIMENTS, "oracle", "cli.py", "cli_options.py", "doctor.py", "progress.py", "image.py", "__main__.py"}
 # Modules of the room that several measurements call
-SHARED = ("runs", "pictures", "gsr_runs", "gsr_moved", "gsr_published")
+SHARED = ("runs", "pictures", "gsr_runs", "gsr_moved", "gsr_published", "bsh_runs", "bsh_small", "bsh_published")
 
 
 @cache

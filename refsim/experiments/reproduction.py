@@ -10,6 +10,21 @@ from typing import TYPE_CHECKING
 
 from refsim.errors import InputError
 from refsim.experiments import (
+    bsh_claims,
+    bsh_compared,
+    bsh_figure_1,
+    bsh_figure_2,
+    bsh_figure_3,
+    bsh_figure_4,
+    bsh_growth,
+    bsh_histogram,
+    bsh_holes,
+    bsh_lists,
+    bsh_locality,
+    bsh_table_1,
+    bsh_table_2,
+    bsh_table_3,
+    bsh_threshold,
     claims,
     cover,
     draw_stages,
@@ -58,14 +73,22 @@ TOPICS: dict[str, tuple[Experiment, ...]] = {
             gsr_moving_light, gsr_claims,
         )
     ),
+    "bsh": tuple(
+        module.EXPERIMENT
+        for module in (
+            bsh_figure_1, bsh_figure_2, bsh_figure_3, bsh_figure_4, bsh_table_1, bsh_table_2, bsh_table_3, bsh_growth,
+            bsh_histogram, bsh_threshold, bsh_holes, bsh_lists, bsh_locality, bsh_compared, bsh_claims,
+        )
+    ),
     "pipeline": (draw_stages.EXPERIMENT,),
 }  # fmt: skip
 TITLES = {
     "hre": "The Hierarchical Ray Engine (Szécsi, WSCG 2006)",
     "gsr": "Recursive Ray Tracing in Geometry Shader (Ralovich, Magdics, 2010)",
+    "bsh": "Efficient Stackless Ray Traversal for Bounding Sphere Hierarchies (Toczek, Houzet, Mancini, 2010)",
     "pipeline": "The pipeline",
 }
-INDICES = {"hre": "index.md", "gsr": "index-gsr.md", "pipeline": "index-pipeline.md"}
+INDICES = {"hre": "index.md", "gsr": "index-gsr.md", "bsh": "index-bsh.md", "pipeline": "index-pipeline.md"}
 
 
 @contextmanager

@@ -83,12 +83,10 @@ def polygon_heads(
     scene: Scene, surfaces: Surfaces, layers: list[Lists], options: Mapping[str, Any]
 ) -> list[PolygonHeads]:
     """Heads of every polygon in each layer's lists; none where the option is None."""
-    if options["heads"] is None:
+    epsilon = float(scene.epsilon)
+    if options["heads"] is None or not epsilon > 0.0:
         return []
     regular, climbs = options["heads"] == "regular", options["head_rule"] == "climb"
-    epsilon = float(scene.epsilon)
-    if not 0.0 < epsilon < np.inf:
-        raise InputError(f"epsilon must be a distance above 0, not {scene.epsilon!r}.")
     return [PolygonHeads(lists, scene.triangles, surfaces.n, epsilon, regular, climbs) for lists in layers]
 
 

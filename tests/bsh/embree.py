@@ -16,5 +16,6 @@ def embree_hits(scene: Scene, rays: Rays) -> Hits:
     TriangleMesh(world, np.ascontiguousarray(scene.triangles))
     found = world.run(rays.origin, rays.direction, output=1)
     hit = (found["primID"] >= 0) & rays.alive
-    columns = (np.where(hit, found[name], missed).astype(np.float32) for name, missed in (("tfar", np.inf), ("u", 0), ("v", 0)))
+    missed = {"tfar": np.inf, "u": 0.0, "v": 0.0}
+    columns = (np.where(hit, found[name], value).astype(np.float32) for name, value in missed.items())
     return Hits(np.where(hit, found["primID"], -1).astype(np.int32), *columns)

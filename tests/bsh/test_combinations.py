@@ -2,20 +2,22 @@
 
 Plan
 - On a procedural scene with glass, mirrors, diffuse surfaces, a ground and shadow rays, all 864 combinations of lists ×
-  order × safe culling × heads × head rule × cells × packet × layers give the same bits in every generation as the single
-  list without any of it: ties go to the lower triangle number, so nothing is exempt. No ray visits more elements than its
-  lists have.
-- That single list: all generations equal brute force bit for bit (specular paths); every hit of every kind is admissible
-  to the judge, which shares no code with it, shadow rays included.
+  order × safe culling × heads × head rule × cells × packet × layers give the same bits in every generation as the
+  single list without any of it: ties go to the lower triangle number, so nothing is exempt. No ray visits more elements
+  than its lists have.
+- That single list: all generations equal brute force bit for bit (specular paths); every hit of every kind is
+  admissible to the judge, which shares no code with it, shadow rays included.
 - The same on other scenes (a box, a blob, soups, incoherent and dead rays) for combinations drawn with a seed, and on
   real meshes; a mesh that is absent is named.
 - Embree's hits on the same rays are admissible too, and of the same triangles wherever the judge sees no tie.
-- Control: a head one element too far, a culled visible triangle, an escape one too far each change hits.
+- Control: a head one element too far, a culled visible triangle, an escape index too large and the exit root each
+  change hits. A wrong sort key changes counts alone (`test_lists`).
 """
 
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +26,11 @@ import pytest
 import refsim
 from refsim import Hits, Rays, Scene
 from refsim.oracle import judge
+from refsim.papers.sphere_hierarchy.directions import list_of_rays
+from refsim.papers.sphere_hierarchy.errata import misses_by_exit_root
+from refsim.papers.sphere_hierarchy.hierarchy import build_hierarchy
+from refsim.papers.sphere_hierarchy.lists import build_lists
+from refsim.papers.sphere_hierarchy.search import Found, search
 from refsim.results import RayKind, Trace
 from tests.bsh.embree import embree_hits
 from tests.bsh.traced import COLUMNS, bits, eye_rays, mixed, traced, wild_rays
@@ -155,6 +162,36 @@ def test_embree(name: str) -> None:
             assert verdicts.ok, verdicts.worst()
         differ = theirs.triangle != ours.triangle
         assert differ.mean() < 0.005 and int(theirs.hit.sum()) > 100
+
+
+def test_what_is_broken_is_seen() -> None:
+    """A head one element too far, an escape index too large, a visible triangle left out, the wrong root."""
+    scene = refsim.load_scene("sphere_192")
+    rays = refsim.camera_rays(scene, 24, 24, fill=0.5)
+    lists = build_lists(build_hierarchy(scene), 6)
+    right = search([lists], rays)
+    assert int(right.hits.hit.sum()) > 200
+
+    def differ(found: Found) -> int:
+        return int((found.hits.triangle != right.hits.triangle).sum())
+
+    # The head of each ray: the very element that it hits. It still finds it; from the next one on it does not
+    picked = list_of_rays(rays.direction, 6)
+    at = np.where(right.hits.hit, lists.triangle_at[picked, np.maximum(right.hits.triangle, 0)], 0).astype(np.int32)
+    assert differ(search([lists], rays, starts=[at])) == 0
+    assert differ(search([lists], rays, starts=[at + right.hits.hit.astype(np.int32)])) == int(right.hits.hit.sum())
+    # Escape indices of inner nodes that skip a sibling's sphere and what comes first in it
+    escape = np.where(lists.escape > 1, lists.escape + 2, lists.escape).astype(np.int32)
+    assert differ(search([replace(lists, escape=escape)], rays)) > 0
+    # Front faces culled in the place of back faces
+    front, literal = (
+        search([build_lists(build_hierarchy(scene), 6, culling=rule)], rays, facing="front")
+        for rule in ("sextant_safe", "sextant_opposite")
+    )
+    assert differ(front) == 0 < differ(literal)
+    # The exit root of spheres in the entry root's place, in lists whose order does not hide it
+    one = build_lists(build_hierarchy(scene), 1)
+    assert differ(search([one], rays)) == 0 < differ(search([one], rays, slots={"misses_sphere": misses_by_exit_root}))
 
 
 def endless(rays: Rays) -> Rays:

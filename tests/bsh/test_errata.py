@@ -3,8 +3,9 @@
 Plan
 - BSH-E5, the exit root: one triangle in front of another, whose sphere reaches behind both, is lost, by hand; on soups
   hits are only ever lost to farther ones, never gained; without a nearer hit before it nothing is lost.
-- BSH-E9, heads whatever the side: in a glass sphere every refracted ray leaves behind its polygon, in front of which
-  there is nothing: all hits of the second generation are lost. Mirrors, whose rays leave on the normal's side, lose none.
+- BSH-E9, heads whatever the side: in a glass sphere every refracted ray leaves behind its polygon, in front of
+  which there is nothing: all hits of the second generation are lost. Mirrors, whose rays leave on the normal's side,
+  lose none.
 - BSH-E1 and E2 are culling rules (`test_culling`); as_printed is E5 and E9; names in any form; refusals.
 """
 
@@ -39,7 +40,8 @@ def test_the_exit_root_loses_what_lies_before_a_hit() -> None:
         assert (right.hits.triangle.tolist(), right.hits.t.tolist()) == ([0], [7.0])
         assert (printed.hits.triangle.tolist(), printed.hits.t.tolist()) == ([1], [10.0])
         # By its beginning the near one comes first, and nothing is lost
-        assert traced(scene, ray, **{**options, "order": "earliest_first"}, errata="BSH-E5").hits.triangle.tolist() == [0]
+        options["order"] = "earliest_first"
+        assert traced(scene, ray, **options, errata="BSH-E5").hits.triangle.tolist() == [0]
 
 
 def test_the_exit_root_loses_and_never_gains() -> None:

@@ -4,7 +4,7 @@ Plan
 - A shadow ray starts epsilon off the hit on the side that was hit and ends at the light; it is sent exactly where the
   surface is diffuse and the light on that side, and is its path's last ray. Recomputed in float64 from the vertices.
 - The picture is Lambert's: ambient plus the cosine where nothing hides the light, recomputed from brute force alone.
-- Kinds, parents, pixels, counters and their sums; rays a frame; dead rays; the last generation's shadow rays stay unshot.
+- Kinds, parents, pixels, counters and their sums; dead rays; the last generation's shadow rays stay unshot.
 - Threads and stages change nothing. A scene without a light gets one.
 - Boundary table: one ray, no image, one triangle, nothing hit, a light in the surface's plane, a light at the hit.
 """

@@ -34,7 +34,7 @@ def eye_rays(name: str = "torus_knot_100", width: int = 32, height: int = 26) ->
 
 
 def wild_rays(scene: Scene, count: int, seed: int) -> Rays:
-    """Incoherent rays: from a box twice the scene's towards places in the scene's, one in eight dead, some with an end."""
+    """Incoherent rays: from a box twice the scene's towards places in it, one in eight dead, some with an end."""
     rng = np.random.default_rng(seed)
     origin = scene.center + scene.diagonal * rng.uniform(-1.0, 1.0, (count, 3))
     direction = rng.uniform(scene.lower, scene.upper, (count, 3)) - origin

@@ -95,7 +95,7 @@ def rejected(lists: TraversalLists, number: int, planes: NDArray[np.float64]) ->
         spheres = lists.spheres[part][~leaf].astype(np.float64)
         out[~leaf] |= spheres[:, :3] @ normal + length * spheres[:, 3] < offset
         highest = (lists.hierarchy.triangles[rows].astype(np.float64) @ normal).max(axis=1)
-        out[leaf] |= highest + length * lists.hierarchy.margin[rows] < offset
+        out[leaf] |= highest < offset - length * lists.hierarchy.margin[rows]
     return out
 
 

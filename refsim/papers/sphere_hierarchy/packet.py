@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from refsim.geometry.triangle import intersect
-from refsim.papers.sphere_hierarchy.traversal import misses_sphere, per_length, slack_of
+from refsim.papers.sphere_hierarchy.traversal import ball_at, misses_sphere, per_length, record_at, slack_of
 
 GROUPS, LANES = 4, 16
 PACKET = GROUPS * LANES
@@ -33,6 +33,7 @@ def walk_packets(
     ray = np.empty((GROUPS, 14, LANES), np.float32)
     ints = np.empty((GROUPS, 4, LANES), np.int32)
     smallest = np.empty(GROUPS, np.int32)
+    balls, words, floats = spheres.ravel(), payload.ravel(), records.ravel()
     done = 0
     while done < rows.shape[0]:
         # The next rows of one list; lanes that stay empty have ended
@@ -80,9 +81,9 @@ def walk_packets(
             past = I(current + step) if step > I0 else ENDED
             if (step == I1) | (step == I0):
                 tested = True
-                a = records[U(payload[at, 3])]
-                own = I(payload[at, 3] + offset)
-                v0, n, m1, m2 = (a[0], a[1], a[2]), (a[3], a[4], a[5]), (a[6], a[7], a[8]), (a[9], a[10], a[11])
+                own = words[U(4) * at + U(3)]
+                v0, n, m1, m2 = record_at(floats, U(12) * U(own))
+                own = I(own + offset)
                 for g in range(GROUPS):
                     g = U(g)
                     if smallest[g] != current:
@@ -109,8 +110,7 @@ def walk_packets(
                         low = min(low, goes)
                     smallest[g] = low
             else:
-                s = spheres[at]
-                x, y, z, radius = s[0], s[1], s[2], s[3]
+                x, y, z, radius = ball_at(balls, U(4) * at)
                 for g in range(GROUPS):
                     g = U(g)
                     if smallest[g] != current:

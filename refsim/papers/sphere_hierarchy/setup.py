@@ -59,7 +59,8 @@ def prepare(scene: Scene, options: ListOptions) -> Prepared:
         scene, options.layers, threshold=options.threshold, lists=options.lists, order=options.order,
         culling=options.culling,
     ).lists  # fmt: skip
-    if options.heads is None:
+    # Where the scene is a single point nothing is hit, and there is no side to leave on
+    if options.heads is None or not scene.epsilon > 0:
         return Prepared(scene, options, layers, None)
     # A ray that leaves a polygon goes on through the lists of every layer, so each layer has heads for all polygons
     heads = [

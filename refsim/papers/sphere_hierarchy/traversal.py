@@ -63,6 +63,23 @@ def misses_sphere(o, d, w, slack, param, x, y, z, radius):
     return x * x + y * y + z * z > reach * reach
 
 
+@func
+def ball_at(balls, k):
+    """Centre and radius that begin at place k of the flat payload."""
+    return balls[k], balls[k + U(1)], balls[k + U(2)], balls[k + U(3)]
+
+
+@func
+def record_at(floats, k):
+    """(v0, n, m1, m2) that begin at place k of the flat records."""
+    return (
+        (floats[k], floats[k + U(1)], floats[k + U(2)]),
+        (floats[k + U(3)], floats[k + U(4)], floats[k + U(5)]),
+        (floats[k + U(6)], floats[k + U(7)], floats[k + U(8)]),
+        (floats[k + U(9)], floats[k + U(10)], floats[k + U(11)]),
+    )
+
+
 def walk(
     rows, lists, starts, origin, direction, t_max, escape, spheres, payload, first, records, root, any_hit, front_only,
     offset, triangle, t, u, v, nodes, tests,
@@ -74,6 +91,8 @@ def walk(
     triangles' numbers. Written and read, f32[n] and i32[n]:
     the best hit so far, which a list met earlier may have left; `nodes` and `tests` are added to.
     """
+    # Flat, so that rows are a constant apart: strides would be read again for every element
+    balls, words, floats = spheres.ravel(), payload.ravel(), records.ravel()
     for j in range(rows.shape[0]):
         row = U(rows[j])
         if not t_max[row] > F0:
@@ -90,27 +109,25 @@ def walk(
         node = U(first[lists[row]] + starts[row])
         end = U(first[lists[row] + 1])
         visited, tested = I(0), I(0)
-        hit_u, hit_v = u[row], v[row]
         while node < end:
             visited += I(1)
             step = escape[node]
             if step == I(1) or step == I(0):
                 tested += I(1)
-                a = records[U(payload[node, 3])]
-                number = payload[node, 3] + offset
-                v0, n, m1, m2 = (a[0], a[1], a[2]), (a[3], a[4], a[5]), (a[6], a[7], a[8]), (a[9], a[10], a[11])
+                own = words[U(4) * node + U(3)]
+                number = I(own + offset)
+                v0, n, m1, m2 = record_at(floats, U(12) * U(own))
                 inside, at, weight_u, weight_v, den = intersect(o, d, limit, v0, n, m1, m2)
                 nearer = (at < best) | ((at == best) & (number < found))
                 if inside & nearer & ((den < F0) | (not front_only)):
-                    best, found, hit_u, hit_v = at, number, weight_u, weight_v
+                    best, found = at, number
+                    triangle[row], t[row], u[row], v[row] = number, at, weight_u, weight_v
                     if any_hit:
                         break
             else:
-                s = spheres[node]
-                if not misses_sphere(o, d, w, slack, best, s[0], s[1], s[2], s[3]):
+                x, y, z, radius = ball_at(balls, U(4) * node)
+                if not misses_sphere(o, d, w, slack, best, x, y, z, radius):
                     step = I(1)
             node = node + U(step) if step > I(0) else end
-        if found >= 0:
-            triangle[row], t[row], u[row], v[row] = found, best, hit_u, hit_v
         nodes[row] += visited
         tests[row] += tested
