@@ -114,12 +114,13 @@ def plot(rows: Rows) -> Any:
     """Histograms of the bunny; rows of panels: with and without ground."""
     bins = of_part(rows, "bins")
     absent = [row["scene"] for row in of_part(rows, "summary") if row["triangles"] == MISSING]
-    grounds = sorted({row["ground"] for row in bins if row["scene"] == "bunny"})
+    shown = bins[-1]["scene"] if bins else ""
+    grounds = sorted({row["ground"] for row in bins if row["scene"] == shown})
     figure = style.new_figure(2.6 * max(len(grounds), 1) + 0.5)
     grid = figure.subplots(max(len(grounds), 1), len(RAYS), squeeze=False, sharex=True)
     for line, ground in zip(grid, grounds or [0], strict=True):
         for axes, rays in zip(line, RAYS, strict=True):
-            own = [r for r in bins if (r["scene"], r["ground"], r["rays"]) == ("bunny", ground, rays)]
+            own = [r for r in bins if (r["scene"], r["ground"], r["rays"]) == (shown, ground, rays)]
             _draw(axes, own)
             axes.set_title(f"{rays} rays, {'ground' if ground else 'no ground'}")
         line[0].set_ylabel("share of rays, percent")
@@ -136,6 +137,8 @@ def plot(rows: Rows) -> Any:
 
 def _draw(axes: Any, rows: Rows) -> None:
     shown = ("none", "cells, leaf", "cells, climb", "regular, leaf", "regular, climb")
+    if not rows:
+        return
     names = [name for name in shown if any(row["configuration"] == name for row in rows)]
     looks = ((style.BLACK, "-"), (style.ORANGE, "--"), (style.BLUE, ":"))
     for (color, dash), name in zip(looks, names, strict=False):

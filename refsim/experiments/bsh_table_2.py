@@ -111,9 +111,8 @@ def fits(rows: Rows) -> Rows:
 def tables(rows: Rows, others: Mapping[str, Rows]) -> Tables:
     """Counters, readings, and how each reading fits."""
     found = {"bsh-table-2": of_part(rows, "counters")}
-    if of_part(rows, "readings"):
-        found |= {"bsh-table-2-readings": of_part(rows, "readings"), "bsh-table-2-fits": fits(rows)}
-    return found
+    more = {"bsh-table-2-readings": of_part(rows, "readings"), "bsh-table-2-fits": fits(rows)}
+    return found | {stem: table for stem, table in more.items() if table}
 
 
 def plot(rows: Rows) -> Any:

@@ -33,19 +33,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--witness-results", action="store_true", help="write tests/opengl/results/<driver>.json")
 
 
-def pytest_terminal_summary(terminalreporter) -> None:
-    """One line on the witness, and what it compared."""
-    from refsim.doctor import witness_row
-    from tests.opengl.verdicts import VERDICTS
-
-    terminalreporter.section("OpenGL witness")
-    terminalreporter.write_line(f"OpenGL witness: {witness_row(FOUND)}")
-    for room, counts in sorted(VERDICTS.items()):
-        terminalreporter.write_line(f"  {room}: " + ", ".join(f"{name} {n:,}" for name, n in sorted(counts.items())))
-
-
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
-    """Writes the results file if it was asked for and everything passed."""
+    """Hands a worker's verdicts to the process that sums up; writes the results file if it was asked for and everything
+    passed."""
+    if hasattr(session.config, "workeroutput"):
+        from tests.opengl.verdicts import VERDICTS
+
+        session.config.workeroutput["verdicts"] = {room: dict(counts) for room, counts in VERDICTS.items()}
+        return
     if not session.config.getoption("--witness-results", default=False) or exitstatus != 0 or not FOUND["present"]:
         return
     from tests.opengl.verdicts import VERDICTS

@@ -58,7 +58,7 @@ def test_continuous_integration_runs_the_readme() -> None:
     assert [block.strip() for block in blocks("sh")[:2]] == [main_job, tests]
     setup = "python3 -m venv .venv && .venv/bin/pip install "
     assert main_job == f"{setup}. && .venv/bin/refsim reproduce hre --quick"
-    assert tests == f"{setup}'.[test]' && .venv/bin/python -m pytest"
+    assert tests == f"{setup}'.[test]' && .venv/bin/python -m pytest -n auto --maxprocesses 8 --dist loadfile"
 
 
 @pytest.mark.parametrize(
