@@ -1,7 +1,7 @@
 """Figures and tables, the papers' and the pipeline's own: one file each, `measure(...)` -> rows and `plot(rows)` ->
 picture.
 
-    refsim reproduce hre|gsr|pipeline [--quick] [--only ID] [--out DIR]
+    refsim reproduce hre|gsr|bsh|pipeline [--quick] [--only ID] [--out DIR]
 
     cases ─▶ measure ─▶ rows ─▶ tables ─▶ CSV
                           └───▶ plot ───▶ PNG

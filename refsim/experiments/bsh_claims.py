@@ -79,6 +79,8 @@ def threshold_claims(rows: Rows) -> Rows:
 def compared_claims(rows: Rows) -> Rows:
     """Structures on the same rays."""
     own = method.present(rows)
+    if not own:
+        return []
     found: list[Row] = [
         claim(
             "2.1", "all structures find the same hits", "same rays",

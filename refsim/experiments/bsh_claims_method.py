@@ -74,6 +74,8 @@ def hole_claims(rows: Rows) -> Rows:
 def head_claims(rows: Rows) -> Rows:
     """Section 3 on the histograms' means."""
     own = present([row for row in rows if row["part"] == "summary"])
+    if not own:
+        return []
     best: dict[tuple[str, int, str], dict[str, float]] = {}
     for row in own:
         if row["heads"] in ("cells", "regular"):
@@ -113,6 +115,8 @@ def head_claims(rows: Rows) -> Rows:
 def gain_claims(rows: Rows) -> Rows:
     """Section 4: 5 to 15 percent, the more complex the higher."""
     table = bsh_lists.gains(present(rows))
+    if not table:
+        return []
     low, high = published.SAID_GAIN
     found = []
     for part in dict.fromkeys(row["part"] for row in table):

@@ -67,7 +67,7 @@ def depth_of(rows: Rows, row: Row) -> int:
 def _draw_element(axes: Any, x: float, y: float, row: Row) -> None:
     sphere = row["kind"] == "sphere"
     edge, face = (style.BLUE, "#dcebf5") if sphere else (style.VERMILION, "#fbe6d9")
-    axes.plot(x, y, "o" if sphere else "s", markersize=20, markeredgecolor=edge, markerfacecolor=face)
+    axes.plot(x, y, "o" if sphere else "s", markersize=17, markeredgecolor=edge, markerfacecolor=face)
     axes.text(x, y, name_of(row), ha="center", va="center", fontsize=7.5)
 
 
@@ -101,7 +101,7 @@ def _draw_list(axes: Any, rows: Rows) -> None:
         _draw_element(axes, at, 0.0, row)
         axes.text(at, -0.62, f"{escape}", ha="center", va="center", fontsize=8)
         if row is not rows[-1]:
-            look: Any = {"arrowstyle": "-|>", "mutation_scale": 7, "color": style.FAINT, "linewidth": 0.9}
+            look: Any = {"arrowstyle": "-|>", "mutation_scale": 6, "color": style.FAINT, "linewidth": 0.9}
             axes.add_patch(FancyArrowPatch((at + 0.31, 0.0), (at + 0.69, 0.0), **look))
         if row["kind"] == "sphere":
             target = row["leads_to"] if row["leads_to"] != "end" else len(rows)

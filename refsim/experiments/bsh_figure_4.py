@@ -54,7 +54,7 @@ def measure(published_scene: str, size_px: int, mesh: str) -> Rows:
 
 def plot(rows: Rows) -> Any:
     """The pictures in a row of three and one of two; in the sixth place what a ray costs."""
-    figure = style.new_figure(6.4)
+    figure = style.new_figure(6.9)
     places = figure.subplots(2, 3).ravel()
     for axes, row in zip(places, rows, strict=False):
         _draw(axes, row)
@@ -84,7 +84,7 @@ def _bars(axes: Any, rows: Rows) -> None:
     ):
         axes.barh(places + 0.38 * k, [row[key] for row in rows], 0.36, color=color, label=name)
     for place, row in zip(places, rows, strict=True):
-        axes.text(0.8, place + 0.19, row["published_scene"], fontsize=8, va="center", color="white", fontweight="bold")
+        axes.text(0.8, place, row["published_scene"], fontsize=7.5, va="center", color="white", fontweight="bold")
     axes.set_yticks([])
     axes.invert_yaxis()
     axes.grid(False, axis="y")

@@ -72,25 +72,52 @@ def measure(name: str, camera: str, rule: str, size_px: int, mesh: str) -> Rows:
 
 
 def plot(rows: Rows) -> Any:
-    """A picture a rule."""
-    figure = style.new_figure(2.65)
+    """A picture a rule; below each a part of it, where the rule that must be meant makes holes."""
+    figure = style.new_figure(4.6)
     shown = rows[-1]["scene"], SEEN[0]
     own = [row for row in rows if (row["scene"], row["camera"]) == shown]
-    for axes, row in zip(figure.subplots(1, len(RULES)), own, strict=False):
+    above, below = figure.subplots(2, len(RULES), height_ratios=(1.0, 1.0))
+    for axes in (*above, *below):
         style.no_frame(axes)
-        axes.set_title(row["rule"].replace("_", " ") if row["rule"] != "none" else "no culling", fontsize=8.5)
+    for top, bottom, row in zip(above, below, own, strict=False):
+        top.set_title(row["rule"].replace("_", " ") if row["rule"] != "none" else "no culling", fontsize=8.5)
         if row["triangles"] == MISSING:
-            axes.text(0.5, 0.5, f"{row['scene']}:\nmissing", ha="center", va="center", color=style.FAINT)
+            top.text(0.5, 0.5, f"{row['scene']}:\nmissing", ha="center", va="center", color=style.FAINT)
             continue
-        size, name, camera = row["size_px"], row["scene"], row["camera"]
-        found, right = traced(name, camera, row["rule"], size), traced(name, camera, "none", size)
-        image = np.asarray(encode_srgb(shade(found, Uniform((0.93, 0.95, 0.98)))), np.float64).reshape(-1, 3) / 255.0
-        bad = wrong(found, right)
-        image[bad] = 0.35 * image[bad] + 0.65 * np.array((0.84, 0.37, 0.0))
-        axes.imshow(image.reshape(size, size, 3), interpolation="nearest")
+        size, place = row["size_px"], (row["scene"], row["camera"])
+        image = _marked(*place, row["rule"], size)
+        top.imshow(image, interpolation="nearest")
+        y, x, side = _hole(*place, size)
+        corner = {"fill": False, "edgecolor": style.INK, "linewidth": 0.8}
+        top.add_patch(_rectangle(x, y, side, corner))
         told = "the yardstick" if row["rule"] == "none" else f"{row['wrong_pixels']:,} pixels wrong"
-        axes.set_xlabel(f"{told}\n{row['culled_percent']:.2f} % culled", fontsize=8)
+        top.set_xlabel(f"{told}\n{row['culled_percent']:.2f} % culled", fontsize=8)
+        bottom.imshow(image[y : y + side, x : x + side], interpolation="nearest")
     return figure
+
+
+def _rectangle(x: int, y: int, side: int, look: dict[str, Any]) -> Any:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((x - 0.5, y - 0.5), side, side, **look)
+
+
+def _marked(name: str, camera: str, rule: str, size: int) -> Any:
+    """The picture, wrong pixels vermilion, f64[size, size, 3]."""
+    found, right = traced(name, camera, rule, size), traced(name, camera, "none", size)
+    image = np.asarray(encode_srgb(shade(found, Uniform((0.93, 0.95, 0.98)))), np.float64).reshape(-1, 3) / 255.0
+    bad = wrong(found, right)
+    image[bad] = 0.25 * image[bad] + 0.75 * np.array((0.84, 0.37, 0.0))
+    return image.reshape(size, size, 3)
+
+
+def _hole(name: str, camera: str, size: int) -> tuple[int, int, int]:
+    """Row, column and side of the part that is shown larger, around the pixels that `sextant_same` gets wrong."""
+    bad = np.flatnonzero(wrong(traced(name, camera, "sextant_same", size), traced(name, camera, "none", size)))
+    side = size // 6
+    middles = [int(np.median(at)) if len(bad) else size // 2 for at in np.divmod(bad, size)]
+    y, x = (min(max(at - side // 2, 0), size - side) for at in middles)
+    return y, x, side
 
 
 EXPERIMENT = Experiment(

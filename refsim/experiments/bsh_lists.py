@@ -89,7 +89,7 @@ def plot(rows: Rows) -> Any:
     figure = style.new_figure(3.8)
     left, right = figure.subplots(1, 2, sharey=True)
     table = gains(rows)
-    scenes = [name for name in SCENES if any(row["scene"] == name for row in table)]
+    scenes = list(dict.fromkeys(row["scene"] for row in table))
     looks = list(zip(style.CYCLE, style.MARKERS, SEEN, strict=False))
     for k, (color, marker, camera) in enumerate(looks):
         own = {r["scene"]: r["gain_percent"] for r in table if (r["camera"], r["lists"], r["part"], r["order"])

@@ -59,20 +59,23 @@ def plot(rows: Rows) -> Any:
     """Left hit rates by scene; right bytes from memory a ray."""
     figure = style.new_figure(3.5)
     panels = figure.subplots(1, 3)
-    shown = (("hit_percent_all", "Fetches that hit, percent"), ("bytes_per_ray", "Bytes from memory, a ray"),
-             ("bytes_per_node", "Bytes from memory, a node"))  # fmt: skip
+    shown = (("hit_percent_all", "Fetches that hit, percent"), ("bytes_per_ray", "Bytes a ray / one list's"),
+             ("bytes_per_node", "Bytes a node / one list's"))  # fmt: skip
     own = [row for row in rows if row.get("cache") == MACHINES[0] and row["rays"] == "eye and shadow"]
     for axes, (key, title) in zip(panels, shown, strict=True):
         for color, marker, lists in zip(style.CYCLE, style.MARKERS, LISTS, strict=False):
             line = [row for row in own if row["lists"] == lists]
             x, y = [row["triangles"] for row in line], [row[key] for row in line]
+            if key != "hit_percent_all":
+                single = {row["scene"]: row[key] for row in own if row["lists"] == 1}
+                y = [value / single[row["scene"]] for value, row in zip(y, line, strict=True)]
             axes.plot(x, y, marker=marker, color=color, label=f"{lists} list{'s' if lists > 1 else ''}", linewidth=1.2)
         axes.set_xscale("log")
         axes.set_xlabel("triangles")
         axes.set_title(title)
         if key != "hit_percent_all":
-            axes.set_yscale("symlog", linthresh=0.1)
-            axes.set_ylim(0, None)
+            axes.set_yscale("log")
+            style.plain_ticks(axes.yaxis)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     absent = sorted({row["scene"] for row in rows if row["triangles"] == MISSING})
     if absent:
@@ -85,8 +88,9 @@ EXPERIMENT = Experiment(
     "Lists and the texture cache",
     "192² (48² and three scenes with `--quick`) eye and shadow rays, ground, no culling or heads, warps of 8 × 4 "
     "pixels on 30 multiprocessors with 32 resident warps each. The cache is a model (64 sets of 2 lines of 64 bytes, "
-    "least recently used); another one, and eye rays alone, are in the table. A structure from which less is fetched "
-    "may hit a smaller share: bytes from memory are what a memory-bound program waits for.",
+    "least recently used); another one, and eye rays alone, are in the table. Left: share of fetches that hit; middle "
+    "and right: bytes from memory against those with one list. A structure from which less is fetched may hit a "
+    "smaller share: bytes from memory are what a memory-bound program waits for.",
     cases,
     measure,
     plot,
