@@ -10,7 +10,7 @@ Plan
 - Payloads: spheres to the bit, vertex indices into an array of distinct vertices that give back the triangle's bits.
 - Lists' lengths; the first list is the same whether it is one of 1, 2 or 6; a list where all is culled is empty.
 - Which list a ray takes: a table of borders, and that directions lie in the part of space they are given.
-- Refused: other numbers of lists, other orders. Golden: a hand-made list of Figure 1's kind, element by element.
+- Refused: other numbers of lists, orders and rules. Golden: a hand-made list of Figure 1's kind, element by element.
 """
 
 from __future__ import annotations
@@ -243,6 +243,14 @@ def test_other_orders_are_refused(order: object) -> None:
     h = build_hierarchy(Scene(meshes.soup(np.random.default_rng(1), 3)))
     with pytest.raises(InputError, match="must be one of 'earliest_first', 'latest_last'"):
         build_lists(h, 6, order)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("lists", "rule"), [(1, "sextant_safe"), (8, "sextant_safe"), (6, "octant"), (6, "sextant")])
+def test_rules_of_other_lists_are_refused(lists: int, rule: str) -> None:
+    """Built all the same, they would lose hits without a word: every ray takes the single list, whatever it culls."""
+    triangle = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], np.float32)
+    with pytest.raises(InputError, match="culling"):
+        build_lists(build_hierarchy(Scene(triangle)), lists, culling=rule)
 
 
 def test_golden_lengths() -> None:

@@ -53,11 +53,18 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 
 
 @pytest.fixture(scope="session")
-def witness():
+def the_witness():
     """The one OpenGL context of the run."""
     from tests.opengl.witness import Witness
 
     return Witness()
+
+
+@pytest.fixture
+def witness(the_witness):
+    """The witness, its context current: another test of the process may have made one of its own."""
+    with the_witness.context:
+        yield the_witness
 
 
 @pytest.fixture(autouse=True)

@@ -3,7 +3,8 @@
     escape    4 bytes an element, relative escape index
     payload   16 bytes an element, a sphere, or three vertex indices and the triangle's number
     vertices  16 bytes a vertex: x, y, z, 0
-    heads     8 bytes a list: where it begins; then where the last one ends
+    heads     8 bytes a list: the element where it begins, counted through all lists; then where the last one ends.
+              Heads of polygons and cells (`heads`) are not among these bytes
 
 All little-endian; the arrays are separate, as the textures that the paper binds. Its vertices are read through a 1-D
 texture, which has texels of one, two or four numbers: hence 16 bytes and not 12. The lists lie one after the other.

@@ -11,8 +11,8 @@ octant            s_a n_a ≥ 0 for every component, s the list's signs: d · n 
                   12.25 % (BSH-E2)
 
 The normal is the float32 one that the intersection test reads. It decides with d · n in float32, which may differ in
-sign from the exact product by rounding, so the safe rules ask for a surplus of 4 eps |n|, twice what the three
-products and two sums can be off.
+sign from the exact product by rounding: three products and two sums are off by 3 eps |d| at most, eps = 2⁻²⁴. So the
+safe rules ask for a surplus of 8 eps, which makes d · n at least 8 eps |d| in an octant, 4.6 eps |d| in a sextant.
 """
 
 from __future__ import annotations
@@ -29,9 +29,11 @@ SURPLUS = 8.0 * EPS
 
 
 def check_culling(culling: str | None, lists: int, facing: str) -> None:
-    """Raises `InputError` where the rule does not belong to that number of lists, or both sides can be hit."""
+    """Raises `InputError` for no such rule, one of another number of lists, or where both sides can be hit."""
     if culling is None:
         return
+    if culling not in RULES:
+        raise InputError(f"culling is {culling!r}; it must be None or one of {', '.join(map(repr, RULES))}.")
     needed = 8 if culling == "octant" else 6
     if lists != needed:
         raise InputError(f"culling={culling!r} needs lists={needed}, not lists={lists}.")

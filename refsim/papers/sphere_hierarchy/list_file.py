@@ -1,12 +1,16 @@
 """Traversal lists as a file that says what it is: written whole or not at all, refused where a byte is wrong.
 
     magic      8 bytes, b"refsimTL"                        version    u32, 1
-    order      u32, row of `lists.ORDERS`                  culling    u32, 0 none, else 1 + row of `culling.RULES`
+    order      u32, row of `lists.ORDERS`, from 0          culling    u32, 0 none, else 1 + row of `culling.RULES`
     lists      u32                                         elements, vertices, nodes, triangles   u64 each
-    directions f64[lists, 3]                               heads, escape, payload, vertices, parent, owner, corners
+    directions f64[lists, 3]                               heads      i64[lists + 1]
+    escape     i32[elements]                               payload    i32 or f32[elements, 4]
+    vertices   f32[vertices, 4]                            parent     i32[nodes]
+    owner      i32[triangles]                              corners    i32[triangles, 3], rows of vertices
     checksum   SHA-256 of all bytes before it
 
-Little-endian throughout; the parts are those of `byte_layout.ListBytes`.
+Little-endian throughout, row by row as above, without padding; elements are those of all lists. The parts from heads on
+are those of `byte_layout.ListBytes`.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from refsim.errors import InputError
 from refsim.geometry.triangle import pack_triangles
 from refsim.jit import specialise
-from refsim.papers.sphere_hierarchy.culling import kept_triangles
+from refsim.papers.sphere_hierarchy.culling import check_culling, kept_triangles
 from refsim.papers.sphere_hierarchy.directions import LISTS, list_directions
 from refsim.papers.sphere_hierarchy.hierarchy import Hierarchy
 from refsim.papers.sphere_hierarchy.lists_layout import group_children, lay_out, list_sizes
@@ -72,11 +72,12 @@ class TraversalLists:
 def build_lists(
     hierarchy: Hierarchy, lists: int = 6, order: str = "earliest_first", culling: str | None = None
 ) -> TraversalLists:
-    """The lists of a hierarchy. Raises `InputError` for another number of lists or order, or a rule that needs more."""
+    """The lists of a hierarchy. Raises `InputError` for another number of lists or order, or a rule of other lists."""
     if lists not in LISTS:
         raise InputError(f"lists is {lists!r}; it must be one of {', '.join(map(str, LISTS))}.")
     if order not in ORDERS:
         raise InputError(f"order is {order!r}; it must be one of {', '.join(map(repr, ORDERS))}.")
+    check_culling(culling, lists, "front")
     triangles = hierarchy.triangles
     packed = pack_triangles(triangles)
     records = np.column_stack([packed.v0, packed.n, packed.m1, packed.m2])

@@ -51,6 +51,8 @@ def search(
 
     layers   one or more lists in a row (section 5): the best hit is carried from one to the next. Their triangles are
              numbered together: a layer's numbers follow those of the layer before
+    facing   "both", or "front": only hits from a triangle's front count. Lists with culling need "front"
+    packet   64 rays together, or each alone: the same hits and counts
     starts   per layer the element of its list at which each ray begins, i32[n], or None for the lists' heads
     slots    device functions in the place of others of `traversal` (errata)
     """

@@ -231,7 +231,10 @@ READINGS: dict[str, Callable[[Account], float]] = {
 
 
 def readings(account: Account) -> dict[str, float]:
-    """Every reading of an account that has rays and warps."""
+    """Every reading of an account that has rays and warps: counts or bytes a ray, those "of a warp" a warp.
+
+    `READINGS` says what each sums; "× width" is a ray's count times the lanes of a warp. Raises `InputError`.
+    """
     if not account.rays or not account.warps:
         raise InputError("an account without rays has no counts a ray.")
     return {name: read(account) for name, read in READINGS.items()}
