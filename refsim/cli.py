@@ -61,7 +61,8 @@ def render(method: str, scene: str, size: tuple[int, int], out: Path | None, as_
     """Render SCENE with METHOD.
 
     SCENE is a name that `refsim scenes` lists, or a PLY, OBJ, STL or GLB file. METHOD is geometry_shader,
-    fragment_grid, ray_engine, hierarchical_ray_engine or brute_force.
+    fragment_grid, traversal_list, ray_engine, hierarchical_ray_engine or brute_force. NAME_on_ground puts any named
+    scene above a ground with a light.
     """
     from refsim.counters import REGISTRY
     from refsim.image import check_destination, write_png

@@ -18,6 +18,7 @@ from refsim.scene.material import Material
 from refsim.scene.mesh import Scene, degenerate_triangles
 from refsim.scene.polygons import RawMesh, TriangleSoup, triangle_soup
 from refsim.scene.sound_bytes import ply_face_count
+from refsim.scene.stages import SILK, on_ground
 from refsim.scene.trimesh_source import (
     TRIMESH_LABEL,
     is_trimesh,
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = ["load_scene", "missing_meshes", "scene_names"]
 
+GROUND = "_on_ground"
 READERS: dict[str, Callable[[str, bytes], RawMesh]] = {
     ".ply": read_ply,
     ".obj": read_obj,
@@ -47,7 +49,8 @@ def load_scene(
     """A scene from ``source``, its triangles float32[n, 3, 3] in the order of the source.
 
     source    a library name ("torus_knot_1024", "cornell_box", …); a path to a .ply, .obj, .stl or .glb file; the bare
-              name of a file in the folder that REFSIM_SCENES names ("bunny"); a trimesh.Trimesh or trimesh.Scene
+              name of a file in the folder that REFSIM_SCENES names ("bunny"); either name with "_on_ground" behind it
+              ("bunny_on_ground": silk above a ground, and one light); a trimesh.Trimesh or trimesh.Scene
     material  of all triangles; None keeps a library scene's own and makes everything else of glass
 
     A string is a path when it holds a separator or a dot, and a name otherwise; the library goes before the folder.
@@ -58,7 +61,7 @@ def load_scene(
     if is_trimesh(source):
         scene = _scene("trimesh", triangle_soup(TRIMESH_LABEL, read_trimesh(source)), TRIMESH_LABEL)
     elif isinstance(source, str) and not _is_path(source):
-        scene = library_scene(source) or _from_file(_named_mesh(source), source)
+        scene = library_scene(source) or _on_ground(source) or _from_file(_named_mesh(source), source)
     elif isinstance(source, (str, os.PathLike)):
         path = Path(os.fspath(source))
         scene = _from_file(path, path.stem)
@@ -102,6 +105,14 @@ def _declared_triangles(path: Path) -> int | None:
             return ply_face_count(file.read(65_536))
     except OSError:
         return None
+
+
+def _on_ground(name: str) -> Scene | None:
+    """The scene of a name that ends in "_on_ground", put there by `stages.on_ground`; None for another name."""
+    base = name.removesuffix(GROUND)
+    if base in ("", name) or find_mesh(name) is not None:
+        return None
+    return on_ground(load_scene(base), material=SILK).replace(name=name)
 
 
 def _is_path(source: str) -> bool:

@@ -2,7 +2,8 @@
 
 Plan
 - Values that no option has: refused by name, with the values there are. Layers that the scene does not have.
-- Screen cells need an image. generations, ior, material, shading as in every other method (same bits as brute force).
+- Lists, heads and facing that do not fit each other are refused by both searches. Screen cells need an image.
+- generations, ior, material, shading as in every other method (same bits as brute force).
 - On the command line: options reach the method; a bad one exits with 2 and one line.
 """
 
@@ -12,11 +13,16 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import refsim
 from refsim import InputError
 from refsim.cli import main
+from refsim.papers.sphere_hierarchy.hierarchy import build_hierarchy
+from refsim.papers.sphere_hierarchy.lists import build_lists
+from refsim.papers.sphere_hierarchy.search import search
+from refsim.papers.sphere_hierarchy.shader_search import shader_search
 from tests.bsh.traced import bits, eye_rays, mixed, traced, wild_rays
 
 
@@ -61,6 +67,24 @@ def test_a_scene_that_is_one_point_has_no_heads() -> None:
     for backend in ("numba", "numpy"):
         trace = traced(point, eye_rays()[:4], heads="regular", backend=backend)
         assert (trace.hits.triangle == -1).all()
+
+
+@pytest.mark.parametrize("shoot", [search, shader_search], ids=["search", "shader_search"])
+def test_shots_that_do_not_fit_are_refused(shoot: Any) -> None:
+    tree = build_hierarchy(mixed())
+    lists, culled = build_lists(tree), build_lists(tree, 6, culling="sextant_safe")
+    rays = eye_rays()[:4]
+    for layers, options, sentence in (
+        (lists, {}, "layers must be a list of TraversalLists, one a layer, not TraversalLists"),
+        ([lists], {"facing": "back"}, "facing is 'back'; it must be one of 'both', 'front'"),
+        ([culled], {}, "culling='sextant_safe' needs facing='front'"),
+        ([lists], {"starts": []}, "starts are of 0 layers, and there are 1"),
+        ([lists], {"starts": [np.zeros(3, np.int32)]}, "must be int32\\[4\\], one element a ray"),
+        ([lists], {"starts": [np.zeros(4)]}, "must be int32\\[4\\], one element a ray"),
+        ([lists], {"starts": [np.full(4, -1, np.int32)]}, "from 0 on"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            shoot(layers, rays, **options)
 
 
 def test_layers_in_any_form() -> None:

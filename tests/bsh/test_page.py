@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import csv
 import importlib
 import pkgutil
 import re
@@ -62,6 +63,8 @@ def test_the_program_runs(ran: dict[str, Any]) -> None:
     costs = ran["costs"]
     assert costs["16"][0] < costs[""][0] and costs["16"][1] == costs[""][1]
     assert costs["regular, climb"][1] < costs[""][1] < costs["regular"][1] < costs["simple"][1]
+    assert ran["differ"]["sextant_opposite"] > ran["differ"]["sextant_same"] > 0
+    assert ran["differ"]["sextant_safe"] == ran["differ"]["octant"] == 0
     assert ran["errata"] == "BSH-E9" and (ran["run"].generations[1].hits.triangle < 0).all()
 
 
@@ -95,6 +98,18 @@ def test_counters_exist() -> None:
     named = [name for row in rows("counter", "counts") for name in re.findall(r"`([a-z_.]+)`", row[0])]
     assert set(named) <= set(REGISTRY) and len(set(named)) == len(named) == 7
     assert set(re.findall(r"generation\.(\w+)", PAGE)) <= set(Generation.__dataclass_fields__)
+
+
+def test_the_threshold_named_is_within_a_percent_of_the_best() -> None:
+    """Of the committed table: on each of its meshes."""
+    assert "with 0.5 rays visit fewest, or within 1 % of that" in PAGE
+    nodes: dict[str, dict[str, float]] = {}
+    with (ROOT / "figures" / "bsh-threshold.csv").open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            nodes.setdefault(row["scene"], {})[row["threshold"]] = float(row["nodes_per_ray"] or "nan")
+    assert len(nodes) > 2
+    for scene, found in nodes.items():
+        assert found["0.5"] <= 1.01 * min(found.values()), scene
 
 
 def test_links_lead_to_files() -> None:

@@ -101,7 +101,7 @@ def test_searches(
     triangles: Triangles, seed: int, partition: tuple[int, str | None], any_hit: bool, front: bool, packet: bool,
     exit_root: bool, begins: bool, layers: bool,
 ) -> None:  # fmt: skip
-    rays = rays_at(triangles, 70, seed)
+    rays, front = rays_at(triangles, 70, seed), front or partition[1] is not None
     cut = len(triangles) // 2 if layers and len(triangles) > 1 else 0
     parts = [triangles[:cut], triangles[cut:]] if cut else [triangles]
     pairs = [both_lists(np.ascontiguousarray(part), partition) for part in parts]

@@ -5,6 +5,7 @@
 - A body twice as large, or elsewhere, gives the same picture: ground and light scale and move with it.
 - Turning is a rotation: distances, winding and normals stay; known axes go where they should; four quarters are none.
 - Meshes that lie on their side are turned without being asked; `up` says otherwise.
+- Any scene's name with "_on_ground" behind it loads that.
 - Wrong arguments are refused by name.
 """
 
@@ -17,7 +18,7 @@ from hypothesis import strategies as st
 
 from refsim.errors import InputError
 from refsim.scene import DIFFUSE, GLASS, MIRROR, PointLight, Scene, load_scene
-from refsim.scene.stages import METAL, STANDING, TILES, on_ground, standing_up
+from refsim.scene.stages import METAL, SILK, STANDING, TILES, on_ground, standing_up
 
 
 def body(seed: int, count: int = 12, **fields: object) -> Scene:
@@ -131,3 +132,14 @@ def test_wrong_arguments_are_refused(row: str) -> None:
 def test_half_a_quarter_is_refused() -> None:
     with pytest.raises(InputError, match=r"quarters must be a whole number of quarter turns, not 0\.5"):
         standing_up(body(1), "y", 0.5)
+
+
+def test_any_named_scene_on_a_ground() -> None:
+    """What `stages.on_ground` makes of the scene, in silk, under the name asked for."""
+    made = load_scene("sphere_192_on_ground")
+    expected = on_ground(load_scene("sphere_192"), material=SILK)
+    assert made.name == "sphere_192_on_ground" and made.lights == expected.lights and len(made) == 194
+    assert made.triangles.tobytes() == expected.triangles.tobytes() and made.materials == expected.materials
+    for name, unknown in (("no_such_on_ground", "no_such"), ("_on_ground", "_on_ground")):
+        with pytest.raises(InputError, match=f"unknown scene '{unknown}'"):
+            load_scene(name)

@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 
 from refsim.errors import InputError
-from refsim.papers.sphere_hierarchy.search import Found, tile_order
+from refsim.papers.sphere_hierarchy.search import FACINGS, Found, tile_order
 from refsim.pipeline.threads import checked_threads, run_all
 from refsim.scene.rays import Hits, Rays
-
-FACINGS = ("both", "front")
 
 
 def in_blocks(

@@ -14,8 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from refsim.errors import InputError
 from refsim.jit import specialise
 from refsim.papers.sphere_hierarchy import traversal
+from refsim.papers.sphere_hierarchy.culling import check_culling
 from refsim.papers.sphere_hierarchy.directions import list_of_rays
 from refsim.papers.sphere_hierarchy.lists import TraversalLists
 from refsim.papers.sphere_hierarchy.packet import walk_packets
@@ -23,6 +25,7 @@ from refsim.pipeline.threads import checked_threads, run_all
 from refsim.scene.rays import Hits, Rays
 
 Slots = dict[str, Any]
+FACINGS = ("both", "front")
 
 
 class Found(NamedTuple):
@@ -56,6 +59,7 @@ def search(
     starts   per layer the element of its list at which each ray begins, i32[n], or None for the lists' heads
     slots    device functions in the place of others of `traversal` (errata)
     """
+    check_shot(layers, rays, starts, facing)
     n = len(rays)
     hits = Hits.misses(n)
     nodes, tests = np.zeros(n, np.int32), np.zeros(n, np.int32)
@@ -80,6 +84,30 @@ def search(
         run_all("traversal", workers, [partial(loop, part, *inputs, *outputs) for part in parts])
         offset += len(lists.hierarchy.triangles)
     return Found(hits, nodes, tests)
+
+
+def check_shot(
+    layers: Sequence[TraversalLists],
+    rays: Rays,
+    starts: Sequence[NDArray[np.int32] | None] | None,
+    facing: str,
+) -> None:
+    """Raises `InputError` where lists, rays, heads and facing do not fit each other."""
+    if not isinstance(layers, Sequence) or not all(isinstance(lists, TraversalLists) for lists in layers):
+        raise InputError(f"layers must be a list of TraversalLists, one a layer, not {type(layers).__name__}.")
+    if facing not in FACINGS:
+        raise InputError(f"facing is {facing!r}; it must be one of {', '.join(map(repr, FACINGS))}.")
+    for lists in layers:
+        check_culling(lists.culling, lists.count, facing)
+    if starts is None:
+        return
+    if len(starts) != len(layers):
+        raise InputError(f"starts are of {len(starts)} layers, and there are {len(layers)}.")
+    for head in starts:
+        if head is not None and (np.shape(head) != (len(rays),) or np.asarray(head).dtype != np.int32):
+            raise InputError(f"the starts of a layer must be int32[{len(rays)}], one element a ray.")
+        if head is not None and len(head) and int(np.min(head)) < 0:
+            raise InputError("the starts of a layer must be elements of its lists, from 0 on.")
 
 
 @lru_cache(maxsize=8)

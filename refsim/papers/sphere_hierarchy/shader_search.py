@@ -18,7 +18,7 @@ from refsim.papers.sphere_hierarchy import list_textures as textures
 from refsim.papers.sphere_hierarchy import traversal
 from refsim.papers.sphere_hierarchy.lists import TraversalLists
 from refsim.papers.sphere_hierarchy.passes import CORNERS, fragment_pass, vertex_pass
-from refsim.papers.sphere_hierarchy.search import Found, Slots
+from refsim.papers.sphere_hierarchy.search import Found, Slots, check_shot
 from refsim.papers.sphere_hierarchy.shaders import (
     FragmentTextures,
     SearchFrame,
@@ -58,6 +58,7 @@ def shader_search(
     shoot = {"fragment": _by_fragments, "vertex": _by_vertices}.get(stage)
     if shoot is None:
         raise InputError(f"stage is {stage!r}; it must be one of {', '.join(map(repr, STAGES))}.")
+    check_shot(layers, rays, starts, facing)
     replaced = slots or {}
     unknown = sorted(set(replaced) - set(REPLACEABLE))
     if unknown:

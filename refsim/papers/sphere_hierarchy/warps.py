@@ -193,6 +193,8 @@ def warp_table(shot: Shot, order: Order, *, line: int = LINE, threads: int | Non
     """What an account sums, a warp a row: i64[warps, columns], `nodes` and what follows it in `Account`."""
     if line < 1:
         raise InputError(f"a memory line of {line} bytes holds nothing; give at least 1.")
+    if order.size and int(order.max()) >= len(shot.rays):
+        raise InputError(f"the order names ray {int(order.max())}, and the shot has {len(shot.rays)} rays.")
     width = order.shape[1]
     layout, count = Layout.of(shot.layers), specialise(account_warps, {})
     table = np.zeros((len(order), COLUMNS), np.int64)
