@@ -26,8 +26,9 @@ def choice(name: str, default: Any, values: tuple[Any, ...], sentence: str) -> O
     """One of `values`."""
 
     def check(value: Any) -> Any:
+        single = object() if isinstance(value, np.ndarray) and value.ndim else value  # an array is none of them
         for allowed in values:
-            if value == allowed and isinstance(value, bool) == isinstance(allowed, bool):
+            if single == allowed and isinstance(value, bool) == isinstance(allowed, bool):
                 return allowed
         known = ", ".join(repr(allowed) for allowed in values)
         raise InputError(f"{name} is {value!r}; it must be one of {known}.")

@@ -268,10 +268,10 @@ def test_a_wrong_header_is_named(at: int, value: bytes, sentence: str) -> None:
 
 def test_files_that_are_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lists = lists_of(SQUARE, 1)
-    for path in (tmp_path / "none", tmp_path):
+    for path in (tmp_path / "none", tmp_path, tmp_path / "a\0b"):
         with pytest.raises(InputError, match="cannot read lists from"):
             read_lists(path)
-    for path in (tmp_path / "none" / "file", tmp_path):
+    for path in (tmp_path / "none" / "file", tmp_path, tmp_path / "a\0b"):
         with pytest.raises(InputError, match="cannot write lists to"):
             write_lists(path, lists)
     assert list(tmp_path.iterdir()) == []
@@ -286,3 +286,9 @@ def test_files_that_are_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         write_lists(path, lists_of(FOUR, 1))
     assert_same_lists(lists, read_lists(path))
     assert [child.name for child in tmp_path.iterdir()] == ["file"]
+
+
+def test_bytes_of_a_rule_with_other_lists_are_refused() -> None:
+    """Such lists would lose hits that nothing culled them for."""
+    with pytest.raises(InputError, match="culling='sextant_safe' needs lists=6, not lists=1"):
+        from_bytes(to_bytes(lists_of(SQUARE, 1)), "earliest_first", "sextant_safe")

@@ -30,6 +30,8 @@ from tests.bsh.traced import bits, eye_rays, mixed, traced, wild_rays
     ("options", "sentence"),
     [
         ({"lists": 4}, "lists is 4; it must be one of 1, 2, 6, 8"),
+        ({"lists": np.array([1, 6])}, "lists is array"),
+        ({"lists": [6]}, "lists is \\[6\\]"),
         ({"order": "first"}, "order is 'first'"),
         ({"culling": "sextant"}, "culling is 'sextant'"),
         ({"heads": "clever"}, "heads is 'clever'"),

@@ -227,6 +227,8 @@ def test_nothing_moves_nothing_is_copied() -> None:
         ([[0]], SQUARE[:1], 0, "one dimension"),
         ([0], SQUARE, 0, r"shape \[2, 3, 3\]"),
         ([0], SQUARE[:1] * np.float32(np.nan), 0, "not finite"),
+        ([[0], [0, 1]], SQUARE, 0, "lists of different lengths"),
+        ([0], [[1], [2, 3]], 0, "lists of different lengths"),
         ([0], SQUARE[:1], -1, "gap must be"),
         ([0], SQUARE[:1], 1.5, "gap must be"),
     ],
@@ -236,7 +238,7 @@ def test_what_is_refused(rows: object, corners: object, gap: object, sentence: s
         update_triangles(lists_of(SQUARE, 1), rows, corners, gap)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("triangles", [SQUARE[:1], np.concatenate([SQUARE, SQUARE]), SQUARE[0], [[1.0]]])
+@pytest.mark.parametrize("triangles", [SQUARE[:1], np.concatenate([SQUARE, SQUARE]), SQUARE[0], [[1.0]], [[1], [2, 3]]])
 def test_a_refit_of_another_scene_is_refused(triangles: object) -> None:
     with pytest.raises(InputError, match="refit of 2 triangles needs as many"):
         refit(lists_of(SQUARE, 1), triangles)  # type: ignore[arg-type]

@@ -24,7 +24,7 @@ from refsim.errors import InputError
 from refsim.geometry.sphere import acceptance_margin
 from refsim.geometry.triangle import TriangleRecords, pack_triangles
 from refsim.jit import specialise
-from refsim.papers.sphere_hierarchy.culling import RULES, kept_triangles
+from refsim.papers.sphere_hierarchy.culling import RULES, check_culling, kept_triangles
 from refsim.papers.sphere_hierarchy.directions import LISTS, list_directions
 from refsim.papers.sphere_hierarchy.hierarchy import Hierarchy
 from refsim.papers.sphere_hierarchy.list_check import FAULTS, check_list
@@ -115,6 +115,7 @@ def from_bytes(parts: ListBytes, order: str, culling: str | None) -> TraversalLi
     _check_tree(parent, owner, corners, len(texels))
     if len(first) - 1 not in LISTS or first[0] != 0 or first[-1] != len(escape) or (np.diff(first) < 0).any():
         raise InputError("heads of the lists' bytes are not where 1, 2, 6 or 8 lists of this length begin.")
+    check_culling(culling, len(first) - 1, "front")
     if len(payload) != len(escape):
         raise InputError(f"payload of the lists' bytes has {len(payload)} elements, but escape {len(escape)}.")
     if not np.isfinite(texels).all() or texels[:, 3].any():

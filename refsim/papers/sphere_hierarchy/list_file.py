@@ -58,8 +58,9 @@ def write_lists(path: str | Path, lists: TraversalLists) -> None:
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise
-    except OSError as error:
-        raise InputError(f"cannot write lists to {str(path)!r}: {error.strerror or type(error).__name__}.") from error
+    except (OSError, ValueError) as error:  # a name with a null byte is a ValueError
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot write lists to {str(path)!r}: {reason}.") from error
 
 
 def file_bytes(lists: TraversalLists) -> bytes:
@@ -80,8 +81,9 @@ def read_lists(path: str | Path) -> TraversalLists:
     """The lists in a file. Raises `InputError` for one that cannot be read, is cut, damaged or something else."""
     try:
         data = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read lists from {str(path)!r}: {error.strerror or type(error).__name__}.") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot read lists from {str(path)!r}: {reason}.") from error
     try:
         return lists_of_file(data)
     except InputError as error:

@@ -103,7 +103,10 @@ def moved(lists: TraversalLists, rows: NDArray[np.int64], corners: NDArray[np.fl
 
 def _checked(rows: ArrayLike, corners: ArrayLike, n: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     # Ascending rows, and corners in their order
-    chosen = np.asarray(rows)
+    try:
+        chosen, shape = np.asarray(rows), np.shape(corners)
+    except ValueError:
+        raise InputError("rows of triangles to move, or their corners, are lists of different lengths.") from None
     if chosen.ndim != 1 or (chosen.dtype.kind not in "iu" and chosen.size):
         raise InputError("rows of triangles to move must be whole numbers, one dimension.")
     wrong = chosen[(chosen < 0) | (chosen >= n)]
@@ -113,8 +116,8 @@ def _checked(rows: ArrayLike, corners: ArrayLike, n: int) -> tuple[NDArray[np.in
     order = np.argsort(chosen, kind="stable")
     if (np.diff(chosen[order]) == 0).any():
         raise InputError("rows of triangles to move name one twice.")
-    if np.shape(corners) != (len(chosen), 3, 3):
-        raise InputError(f"{len(chosen)} rows of triangles move to corners of shape {list(np.shape(corners))}.")
+    if shape != (len(chosen), 3, 3):
+        raise InputError(f"{len(chosen)} rows of triangles move to corners of shape {list(shape)}.")
     places = Scene(corners).triangles if len(chosen) else np.empty((0, 3, 3), np.float32)  # type: ignore[arg-type]
     return chosen[order], places[order]
 

@@ -22,8 +22,10 @@ def refit(lists: TraversalLists, triangles: ArrayLike, gap: int = 0) -> Refitted
     gap as in `update_triangles`. Raises `InputError` for another number of triangles or shape: that is another scene.
     """
     n = len(lists.hierarchy.triangles)
-    if np.shape(triangles) != (n, 3, 3):
-        raise InputError(
-            f"a refit of {n} triangles needs as many, [{n}, 3, 3], not {list(np.shape(triangles))}: build lists anew."
-        )
+    try:
+        shape = list(np.shape(triangles))
+    except ValueError:
+        shape = ["lists of different lengths"]
+    if shape != [n, 3, 3]:
+        raise InputError(f"a refit of {n} triangles needs as many, [{n}, 3, 3], not {shape}: build lists anew.")
     return update_triangles(lists, np.arange(n), triangles, gap)
