@@ -108,7 +108,7 @@ METHOD_OPTIONS = (
     click.option("--heads", metavar="KIND", help="simple or regular: per-polygon heads of the lists."),
     click.option("--screen-cells", type=int, metavar="N", help="Heads for N x N cells of the picture."),
     click.option("--head-rule", metavar="RULE", help="leaf or climb: which element becomes a head."),
-    click.option("--packet/--no-packet", default=None, help="Whether 64 rays walk a list together."),
+    click.option("--packet/--no-packet", default=None, help="Whether 256 rays walk a list together."),
     click.option("--threshold", type=float, metavar="X", help="How big a triangle is that stays at its node, 0 to 1."),
     click.option("--layers", type=Rows(), metavar="ROW,...", help="Rows at which further layers of lists begin."),
     click.option("--stage", metavar="STAGE", help="fragment or vertex: lists walked in a shader of the pipeline."),

@@ -38,7 +38,7 @@ LIST = (
     choice("heads", None, (None, "simple", "regular"), "Per-polygon heads, for rays that leave a polygon."),
     whole("screen_cells", None, 1, 1024, "Heads for n × n cells of the picture, for eye rays."),
     choice("head_rule", "leaf", ("leaf", "climb"), "A head is the first surviving leaf, or an ancestor of it."),
-    choice("packet", True, (True, False), "64 rays walk together, or each alone: same hits, same counts."),
+    choice("packet", True, (True, False), "256 rays walk together, or each alone: same hits, same counts."),
     real("threshold", 0.5, 0.0, 1.0, "A triangle this big against its node stays there: share of the radius."),
     Option("layers", (), "Rows of the scene at which further layers begin, traversed in a row.", _layers),
     choice("shadows", False, (False, True), "Diffuse hits send a last ray to the scene's first light."),

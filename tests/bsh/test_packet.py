@@ -3,8 +3,9 @@
 Plan
 - Hypothesis: random and degenerate meshes × lists × order × facing × any hit, rays that a structure may lose (through
   corners, along axes, from within spheres, with an end): packets ≡ scalar loop.
-- Boundary table: 0, 1, 63, 64, 65 and 129 rays, dead and live; heads in mid-list, at the end and beyond it; several
-  layers with and without heads; whole lists that are empty; far origins, where κ is large or infinite.
+- Boundary table: 0, 1, 255, 256, 257 and 513 live rays, dead ones among others; heads in mid-list, at the end and
+  beyond it; several layers with and without heads; whole lists that are empty; far origins, where κ is large or
+  infinite.
 - Images: rays of one list and of several, sizes that do not fill tiles; 1, 2 and 3 threads; every slot that stands in
   for an equation of the loop reaches the packets too.
 - Golden numbers: counts of one small image, and a real mesh where it is at hand.
@@ -65,7 +66,7 @@ def part(scene: Scene, rows: slice) -> Scene:
 )
 def test_packets_equal_the_scalar_loop(triangles, seed, lists, order, facing, any_hit) -> None:
     structure = lists_of(Scene(triangles), lists, order=order)
-    both([structure], rays_at(triangles, 150, seed), facing=facing, any_hit=any_hit)
+    both([structure], rays_at(triangles, 300, seed), facing=facing, any_hit=any_hit)
 
 
 @settings(max_examples=25)
@@ -75,7 +76,7 @@ def test_heads_and_layers(seed: int, any_hit: bool, cut: int, threads: int) -> N
     scene = mixed()
     rng = np.random.default_rng(seed)
     layers = [lists_of(part(scene, slice(0, cut)), 6), lists_of(part(scene, slice(cut, None)), 6)]
-    rays = wild_rays(scene, 200, seed)
+    rays = wild_rays(scene, 600, seed)
     starts = [
         None if rng.random() < 0.3 else rng.integers(0, len(layer.escape) // 6 + 3, len(rays)).astype(np.int32)
         for layer in layers
@@ -83,20 +84,22 @@ def test_heads_and_layers(seed: int, any_hit: bool, cut: int, threads: int) -> N
     both(layers, rays, starts=starts, any_hit=any_hit, threads=threads)
 
 
-@pytest.mark.parametrize("count", [0, 1, 15, 16, 17, 63, 64, 65, 129])
+@pytest.mark.parametrize("count", [0, 1, 15, 16, 17, 64, 255, 256, 257, 513])
 def test_few_rays(count: int) -> None:
+    """Live ones, of one list and of several."""
     scene = mixed()
-    rays = wild_rays(scene, 129, 5)[:count]
-    found = both([lists_of(scene)], rays)
-    assert len(found.nodes) == count
-    assert (found.nodes[rays.alive & (rays.t_max > 0)] >= 1).all() and not found.nodes[~rays.alive].any()
+    rays = wild_rays(scene, 700, 5)
+    rays = rays[np.flatnonzero(rays.t_max > 0)[:count]]
+    for lists in (1, 6):
+        found = both([lists_of(scene, lists)], rays)
+        assert len(found.nodes) == count and (found.nodes >= 1).all()
 
 
 @pytest.mark.parametrize("dead", ["all", "first", "last", "every other"])
 def test_dead_rays_cost_nothing(dead: str) -> None:
     scene = mixed()
-    rays = eye_rays()[:130]
-    off = {"all": slice(None), "first": slice(0, 64), "last": slice(64, None), "every other": slice(0, None, 2)}[dead]
+    rays = eye_rays()[:520]
+    off = {"all": slice(None), "first": slice(0, 260), "last": slice(260, None), "every other": slice(0, None, 2)}[dead]
     direction, t_max = rays.direction.copy(), rays.t_max.copy()
     direction[off], t_max[off] = 0.0, 0.0
     found = both([lists_of(scene)], Rays(rays.origin, direction, t_max))

@@ -3,7 +3,7 @@
 Where the paper's parts are
     2.1  the list: depth-first array, escape index, payload  `lists`, laid out by `lists_layout`
     2.1  vertices shared by all lists  `shared_vertices`
-    2.1  the traversal's pseudo-code  `traversal.walk`; 64 rays together `packet.walk_packets`; a batch of rays `search`
+    2.1  the traversal's pseudo-code  `traversal.walk`; 256 rays together `packet.walk_packets`; a batch `search`
     2.1  partitions of the directions (Figure 2)  `directions`
     2.1  geometry left out  `culling`
     2.2  construction of the hierarchy  `hierarchy`, compiled in `hierarchy_build`

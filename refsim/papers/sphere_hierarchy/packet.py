@@ -1,8 +1,9 @@
-"""Packets: 64 rays walk one list together, and nothing changes. Template of `refsim.jit`.
+"""Packets: 256 rays walk one list together, and nothing changes. Template of `refsim.jit`.
 
 Each lane keeps the element it goes on with and is active where that is the packet's; the packet moves to the smallest.
-The lanes are four groups of 16, a vector each, and a group none of whose lanes is active is passed over. Hits and
-counts are those of the scalar loop (`traversal.walk`), which has the equations.
+The lanes are sixteen groups of 16, a vector each, and a group none of whose lanes is active is passed over: so elements
+are fetched and their kind decided once for a tile of the picture, and only groups that need it do the arithmetic. Hits
+and counts are those of the scalar loop (`traversal.walk`), which has the equations.
 
 The columns of a group lie together. Indices stay int32 (numba adds int32 to int64, which would halve the vectors), and
 lanes are filled in a loop with an early end, so that it stays scalar: gathers are slower than loads.
@@ -15,8 +16,8 @@ import numpy as np
 from refsim.geometry.triangle import intersect
 from refsim.papers.sphere_hierarchy.traversal import ball_at, misses_sphere, per_length, record_at, slack_of
 
-GROUPS, LANES = 4, 16
-PACKET = GROUPS * LANES
+GROUPS, LANES = 16, 16
+PACKET = GROUPS * LANES  # a tile of 16 × 16 pixels; 64 and 128 rays are slower, coherent or not
 F0 = np.float32(0)
 I = np.int32  # noqa: E741
 U = np.uintp
@@ -129,7 +130,9 @@ def walk_packets(
                         low = min(low, goes)
                         ints[g, 2, j] = I(ints[g, 2, j] + I(active))
                     smallest[g] = low
-            current = min(min(smallest[0], smallest[1]), min(smallest[2], smallest[3]))
+            current = smallest[0]
+            for g in range(1, GROUPS):
+                current = min(current, smallest[U(g)])
         # Only a triangle test can have found something
         for i in range(many):
             nodes[U(rows[done + i])] += ints[U(i) // U(LANES), 2, U(i) % U(LANES)]

@@ -20,7 +20,7 @@ from refsim.papers.sphere_hierarchy import traversal
 from refsim.papers.sphere_hierarchy.culling import check_culling
 from refsim.papers.sphere_hierarchy.directions import list_of_rays
 from refsim.papers.sphere_hierarchy.lists import TraversalLists
-from refsim.papers.sphere_hierarchy.packet import walk_packets
+from refsim.papers.sphere_hierarchy.packet import PACKET, walk_packets
 from refsim.pipeline.threads import checked_threads, run_all
 from refsim.scene.rays import Hits, Rays
 
@@ -55,7 +55,7 @@ def search(
     layers   one or more lists in a row (section 5): the best hit is carried from one to the next. Their triangles are
              numbered together: a layer's numbers follow those of the layer before
     facing   "both", or "front": only hits from a triangle's front count. Lists with culling need "front"
-    packet   64 rays together, or each alone: the same hits and counts
+    packet   256 rays together, or each alone: the same hits and counts
     starts   per layer the element of its list at which each ray begins, i32[n], or None for the lists' heads
     slots    device functions in the place of others of `traversal` (errata)
     """
@@ -73,7 +73,7 @@ def search(
         head = None if starts is None else starts[k]
         begin = np.zeros(n, np.int32) if head is None else head
         rows = by_list(live, picked)
-        cuts = np.linspace(0, len(rows) // 64, 8 * workers + 1).astype(int) * 64
+        cuts = np.linspace(0, len(rows) // PACKET, 8 * workers + 1).astype(int) * PACKET
         cuts[-1] = len(rows)
         inputs = (
             picked, begin, rays.origin, rays.direction, rays.t_max, lists.escape, lists.spheres, lists.payload,
