@@ -214,6 +214,7 @@ def test_nothing_moves_nothing_is_copied() -> None:
     old = lists_of(SQUARE)
     for new, changes in (refit(old, SQUARE), update_triangles(old, [], np.empty((0, 3, 3)))):
         assert changes.copies == changes.bytes == changes.nodes == changes.triangles == 0
+        assert repr(changes) == "Changes(triangles=0, nodes=0, split=0, relaid=(), bytes=0, copies=0)"
         assert to_bytes(new) == to_bytes(old)
 
 

@@ -47,6 +47,10 @@ class Changes(NamedTuple):
     heads: Ranges
     sizes: tuple[int, int, int, int]
 
+    def __repr__(self) -> str:
+        counts = f"triangles={self.triangles}, nodes={self.nodes}, split={self.split}, relaid={self.relaid}"
+        return f"Changes({counts}, bytes={self.bytes}, copies={self.copies})"
+
     @property
     def ranges(self) -> Ranges:
         """All ranges of all arrays, one copy each."""

@@ -25,8 +25,6 @@ from refsim.papers.sphere_hierarchy.ray_blocks import in_blocks
 from refsim.papers.sphere_hierarchy.search import Found
 from refsim.scene.rays import Rays
 
-ENTRY_BYTES = 4 + 4  # node and entry parameter
-
 
 class StackUse(NamedTuple):
     """What each ray needed of the stack: deepest i32[n], the most entries at once; written i32[n], entries in all."""
