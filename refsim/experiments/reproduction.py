@@ -44,6 +44,7 @@ from refsim.experiments import (
     gsr_table_2,
     gsr_table_3,
     style,
+    tightest_cone,
     tile_size,
 )
 from refsim.experiments.files import (
@@ -64,7 +65,8 @@ if TYPE_CHECKING:
 # A topic is a paper, or the pipeline that runs the papers
 TOPICS: dict[str, tuple[Experiment, ...]] = {
     "hre": tuple(
-        module.EXPERIMENT for module in (cover, figure_4, figure_5, figure_6, figure_7, tile_size, errata, claims)
+        module.EXPERIMENT
+        for module in (cover, figure_4, figure_5, figure_6, figure_7, tile_size, tightest_cone, errata, claims)
     ),
     "gsr": tuple(
         module.EXPERIMENT

@@ -9,7 +9,18 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-from refsim.experiments import claims, cover, dead_rays, errata, figure_4, figure_5, figure_6, figure_7, tile_size
+from refsim.experiments import (
+    claims,
+    cover,
+    dead_rays,
+    errata,
+    figure_4,
+    figure_5,
+    figure_6,
+    figure_7,
+    tightest_cone,
+    tile_size,
+)
 from refsim.experiments.registry import Case, Experiment
 
 SMALL = {"size_px": 24, "tile_px": 8, "backend": "numpy"}
@@ -30,6 +41,9 @@ def tiny_cases(name: str) -> list[Case]:
     if name == "tile-size":
         case = {"scene": "blob_100", "size_px": 24, "fill": 0.55, "generations": 3, "backend": "numpy"}
         return [{**case, "tile_px": tile} for tile in (8, 16, 32)]
+    if name == "tightest-cone":
+        case = {"scene": "blob_100", "size_px": 24, "fill": 0.55}
+        return [{**case, "tile_px": tile} for tile in (8, 16)]
     if name == "errata":
         case = {**SMALL, "scene": "blob_100", "fill": 0.55, "generations": 2}
         return [{**case, "errata": variant} for variant in ("corrected", "HRE-E1", "HRE-E4", "as_printed")]
@@ -47,7 +61,7 @@ TINY: dict[str, Experiment] = {
     module.EXPERIMENT.id: replace(
         module.EXPERIMENT, cases=lambda quick, name=module.EXPERIMENT.id: tiny_cases(name)
     )
-    for module in (cover, figure_4, figure_5, figure_6, figure_7, tile_size, errata, claims)
+    for module in (cover, figure_4, figure_5, figure_6, figure_7, tile_size, tightest_cone, errata, claims)
 }
 
 
