@@ -12,6 +12,7 @@ changes, so an interrupted run goes on where it was.
 
 from __future__ import annotations
 
-from refsim.experiments.reproduction import experiments_of, reproduce
+from refsim.experiments.reproduction import reproduce
+from refsim.experiments.topics import experiments_of
 
 __all__ = ["experiments_of", "reproduce"]

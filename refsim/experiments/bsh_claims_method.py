@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from refsim.experiments import bsh_growth, bsh_lists
 from refsim.experiments import bsh_published as published
-from refsim.experiments.claims import claim
+from refsim.experiments.hre_claims import claim
 from refsim.experiments.registry import Rows
 from refsim.experiments.runs import MISSING
 

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 from refsim.experiments import gsr_figure_4, gsr_table_1, gsr_table_3
 from refsim.experiments import gsr_published as published
-from refsim.experiments.claims import claim
 from refsim.experiments.gsr_runs import FRAGMENT_GRID, GEOMETRY_SHADER, MODES
+from refsim.experiments.hre_claims import claim
 from refsim.experiments.registry import Rows
 from refsim.experiments.runs import MISSING
 

@@ -16,7 +16,6 @@ from typing import Any
 
 from refsim.experiments import gsr_published as published
 from refsim.experiments import style
-from refsim.experiments.claims import claim
 from refsim.experiments.gsr_moved import moved
 from refsim.experiments.gsr_runs import (
     FRAGMENT_GRID,
@@ -29,6 +28,7 @@ from refsim.experiments.gsr_runs import (
     scene_of,
     shader_work,
 )
+from refsim.experiments.hre_claims import claim
 from refsim.experiments.registry import Case, Experiment, Row, Rows, Tables
 from refsim.papers.geometry_shader_rays.simt import WIDTHS
 from refsim.results import Trace

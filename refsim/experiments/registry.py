@@ -22,7 +22,10 @@ class Experiment:
     measure `measure(**case)` -> rows. Deterministic: counters and geometry, never a time
     tables  `tables(rows, others)` -> file stem -> rows; `others` holds the rows of `needs`. The default is the rows
     plot    `plot(rows)` -> a matplotlib Figure, from rows alone (pictures are rendered again by `pictures.picture`)
-    needs   experiments whose rows the tables are made from
+    needs   experiments whose rows the tables are made from, of any topic
+    alt     what the picture shows, for those who cannot see it
+    timed   rows hold times: they are measured alone and one after the other, their tables lie in `timings/`, and
+            neither the ledger nor the comparison of bytes reads them
     """
 
     id: str
@@ -34,6 +37,8 @@ class Experiment:
     tables: Callable[[Rows, Mapping[str, Rows]], Tables] | None = None
     needs: tuple[str, ...] = ()
     dpi: int | None = None
+    alt: str = ""
+    timed: bool = False
 
     def tables_of(self, rows: Rows, others: Mapping[str, Rows]) -> Tables:
         """What to write: file stem -> rows."""

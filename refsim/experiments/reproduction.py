@@ -9,44 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from refsim.errors import InputError
-from refsim.experiments import (
-    bsh_claims,
-    bsh_compared,
-    bsh_figure_1,
-    bsh_figure_2,
-    bsh_figure_3,
-    bsh_figure_4,
-    bsh_growth,
-    bsh_histogram,
-    bsh_holes,
-    bsh_lists,
-    bsh_locality,
-    bsh_table_1,
-    bsh_table_2,
-    bsh_table_3,
-    bsh_threshold,
-    claims,
-    cover,
-    draw_stages,
-    errata,
-    figure_4,
-    figure_5,
-    figure_6,
-    figure_7,
-    gsr_claims,
-    gsr_errata,
-    gsr_figure_1,
-    gsr_figure_3,
-    gsr_figure_4,
-    gsr_moving_light,
-    gsr_order,
-    gsr_table_1,
-    gsr_table_2,
-    gsr_table_3,
-    style,
-    tightest_cone,
-    tile_size,
-)
+from refsim.experiments import style
 from refsim.experiments.files import (
     Journal,
     csv_text,
@@ -58,52 +21,15 @@ from refsim.experiments.files import (
 )
 from refsim.experiments.fingerprint import plot_key, rows_key
 from refsim.experiments.registry import Experiment, Rows
+from refsim.experiments.topics import INDICES, TITLES, experiments_of
 
 if TYPE_CHECKING:
     from refsim.progress import Advance, Progress
-
-# A topic is a paper, or the pipeline that runs the papers
-TOPICS: dict[str, tuple[Experiment, ...]] = {
-    "hre": tuple(
-        module.EXPERIMENT
-        for module in (cover, figure_4, figure_5, figure_6, figure_7, tile_size, tightest_cone, errata, claims)
-    ),
-    "gsr": tuple(
-        module.EXPERIMENT
-        for module in (
-            gsr_figure_1, gsr_figure_3, gsr_figure_4, gsr_table_1, gsr_table_2, gsr_table_3, gsr_errata, gsr_order,
-            gsr_moving_light, gsr_claims,
-        )
-    ),
-    "bsh": tuple(
-        module.EXPERIMENT
-        for module in (
-            bsh_figure_1, bsh_figure_2, bsh_figure_3, bsh_figure_4, bsh_table_1, bsh_table_2, bsh_table_3, bsh_growth,
-            bsh_histogram, bsh_threshold, bsh_holes, bsh_lists, bsh_locality, bsh_compared, bsh_claims,
-        )
-    ),
-    "pipeline": (draw_stages.EXPERIMENT,),
-}  # fmt: skip
-TITLES = {
-    "hre": "The Hierarchical Ray Engine (Szécsi, WSCG 2006)",
-    "gsr": "Recursive Ray Tracing in Geometry Shader (Ralovich, Magdics, 2010)",
-    "bsh": "Efficient Stackless Ray Traversal for Bounding Sphere Hierarchies (Toczek, Houzet, Mancini, 2010)",
-    "pipeline": "The pipeline",
-}
-INDICES = {"hre": "index.md", "gsr": "index-gsr.md", "bsh": "index-bsh.md", "pipeline": "index-pipeline.md"}
-
 
 @contextmanager
 def _silent(total: float | None, description: str) -> Iterator[Advance]:
     """Reports nothing."""
     yield lambda steps=1: None
-
-
-def experiments_of(topic: str) -> dict[str, Experiment]:
-    """The topic's experiments by id, in order; `InputError` for a topic that is not known."""
-    if topic not in TOPICS:
-        raise InputError(f"there is no topic {topic!r}; choose from {', '.join(TOPICS)}.")
-    return {experiment.id: experiment for experiment in TOPICS[topic]}
 
 
 def reproduce(

@@ -11,5 +11,5 @@ from tests.experiments.tiny import TINY
 @pytest.fixture
 def tiny(monkeypatch: pytest.MonkeyPatch) -> dict[str, Experiment]:
     """The paper's experiments with tiny cases in the place of their own."""
-    monkeypatch.setattr("refsim.experiments.reproduction.TOPICS", {"hre": tuple(TINY.values())})
+    monkeypatch.setattr("refsim.experiments.topics.TOPICS", {"hre": tuple(TINY.values())})
     return TINY

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from refsim.experiments import claims, dead_rays, errata, experiments_of, figure_4, figure_7, published, tile_size
+from refsim.experiments import dead_rays, errata, experiments_of, figure_4, figure_7, hre_claims, published, tile_size
 from refsim.experiments.files import csv_text, read_csv
-from refsim.experiments.reproduction import TOPICS
 from refsim.experiments.runs import MISSING
+from refsim.experiments.topics import TOPICS
 
 FIGURES = Path(__file__).resolve().parents[2] / "figures"
 
@@ -76,8 +76,8 @@ def test_errata_rows_are_computed_again(variant: str) -> None:
 
 
 def test_verdicts_follow_from_the_committed_tables(dead_ray_rows) -> None:
-    needed = {name: committed(name) for name in claims.EXPERIMENT.needs}
-    assert csv_text(claims.tables(dead_ray_rows, needed)["claims-hre"]) == committed_text("claims-hre")
+    needed = {name: committed(name) for name in hre_claims.EXPERIMENT.needs}
+    assert csv_text(hre_claims.tables(dead_ray_rows, needed)["claims-hre"]) == committed_text("claims-hre")
 
 
 def test_shader_runs_without_a_ray_are_the_policys(dead_ray_rows) -> None:

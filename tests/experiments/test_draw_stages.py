@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from refsim.experiments import draw_stages, experiments_of, reproduce, reproduction, small_draw, style
+from refsim.experiments import draw_stages, experiments_of, reproduce, small_draw, style, topics
 from refsim.experiments.files import csv_text
 from refsim.reference import blend, interpolation, raster
 
@@ -214,7 +214,7 @@ def test_texts_of_the_picture_do_not_overlap(rows) -> None:
 
 def test_the_topic_has_an_index_of_its_own(rows, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     experiment = replace(draw_stages.EXPERIMENT, measure=lambda capacity: rows)
-    monkeypatch.setitem(reproduction.TOPICS, "pipeline", (experiment,))
+    monkeypatch.setitem(topics.TOPICS, "pipeline", (experiment,))
     (tmp_path / "index.md").write_text("the paper's")
     paths = list(reproduce("pipeline", out=tmp_path))
     assert (tmp_path / "index.md").read_text() == "the paper's"

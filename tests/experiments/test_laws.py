@@ -18,7 +18,7 @@ import json
 
 import pytest
 
-from refsim.experiments import claims, errata, experiments_of, figure_4, figure_7, prototype, published, tile_size
+from refsim.experiments import errata, experiments_of, figure_4, figure_7, hre_claims, prototype, published, tile_size
 from refsim.experiments.runs import HIERARCHICAL, RAY_ENGINE
 from refsim.reference import cone
 from tests.experiments.tiny import TINY, rows_of
@@ -120,14 +120,14 @@ def test_one_shader_run_too_many_is_seen(ideal: int, mesa: int, verdict: str) ->
     rows = [
         {**row, "shader_runs_without_ray": runs} for row, runs in zip(rows_of("claims-hre"), (ideal, mesa), strict=True)
     ]
-    assert [row["verdict"] for row in claims.dead_ray_claims(rows)] == [verdict]
+    assert [row["verdict"] for row in hre_claims.dead_ray_claims(rows)] == [verdict]
 
 
-@pytest.mark.parametrize("limits", [claims.ACCURATE, claims.LINEAR, claims.GRAZING])
+@pytest.mark.parametrize("limits", [hre_claims.ACCURATE, hre_claims.LINEAR, hre_claims.GRAZING])
 def test_verdicts_change_at_the_limits(limits: tuple[float, float]) -> None:
     low, high = limits
     assert 0 < low < high
-    assert [claims.within(value, limits) for value in (0.0, low, low * 1.01, high, high * 1.01)] == [
+    assert [hre_claims.within(value, limits) for value in (0.0, low, low * 1.01, high, high * 1.01)] == [
         True, True, None, None, False,
     ]  # fmt: skip
 
@@ -202,7 +202,7 @@ def test_published_numbers_follow_from_each_other() -> None:
 
 def test_every_claim_has_a_verdict() -> None:
     needed = {name: rows_of(name) for name in TINY["claims-hre"].needs}
-    (table,) = claims.tables([], needed).values()
+    (table,) = hre_claims.tables([], needed).values()
     assert {row["verdict"] for row in table} <= {"holds", "fails", "depends"}
     assert all(row["measured"] and row["rule"] for row in table)
     verdicts = {(row["claim"], row["body"]): row["verdict"] for row in table}

@@ -18,7 +18,7 @@ import pytest
 from PIL import Image
 
 from refsim.errors import InputError
-from refsim.experiments import files, reproduce, reproduction
+from refsim.experiments import files, reproduce, reproduction, topics
 from tests.experiments.tiny import TINY
 
 
@@ -39,7 +39,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
         return [{"size_px": k} for k in range(5)]
 
     experiment = replace(TINY["figure-7"], cases=cases, measure=measure, plot=None, tables=None)
-    monkeypatch.setattr(reproduction, "TOPICS", {"hre": (experiment,)})
+    monkeypatch.setattr(topics, "TOPICS", {"hre": (experiment,)})
     return calls
 
 
@@ -152,7 +152,7 @@ def test_csv_reads_back(tmp_path: Path) -> None:
 )
 def test_unknown_names_are_refused(paper, only, names, counted, tmp_path: Path) -> None:
     if paper == "hre":
-        reproduction.TOPICS["hre"] = tuple(TINY.values())
+        topics.TOPICS["hre"] = tuple(TINY.values())
     with pytest.raises(InputError) as refusal:
         reproduce(paper, only=only, out=tmp_path / "out")
     assert all(name in str(refusal.value) for name in names)

@@ -10,7 +10,6 @@ from dataclasses import replace
 from functools import cache
 
 from refsim.experiments import (
-    claims,
     cover,
     dead_rays,
     errata,
@@ -18,6 +17,7 @@ from refsim.experiments import (
     figure_5,
     figure_6,
     figure_7,
+    hre_claims,
     tightest_cone,
     tile_size,
 )
@@ -61,7 +61,7 @@ TINY: dict[str, Experiment] = {
     module.EXPERIMENT.id: replace(
         module.EXPERIMENT, cases=lambda quick, name=module.EXPERIMENT.id: tiny_cases(name)
     )
-    for module in (cover, figure_4, figure_5, figure_6, figure_7, tile_size, tightest_cone, errata, claims)
+    for module in (cover, figure_4, figure_5, figure_6, figure_7, tile_size, tightest_cone, errata, hre_claims)
 }
 
 
