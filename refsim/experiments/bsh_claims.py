@@ -12,8 +12,8 @@ from refsim.experiments import bsh_claims_tables as of_tables
 from refsim.experiments import bsh_published as published
 from refsim.experiments.bsh_claims_text import text_claims
 from refsim.experiments.bsh_runs import body_of, rays_of
-from refsim.experiments.hre_claims import claim
 from refsim.experiments.registry import Case, Experiment, Row, Rows, Tables
+from refsim.experiments.verdicts import claim
 from refsim.scene.stages import on_ground
 
 ERRATA = ("BSH-E5", "BSH-E9")

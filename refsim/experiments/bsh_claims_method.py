@@ -8,9 +8,9 @@ from itertools import pairwise
 
 from refsim.experiments import bsh_growth, bsh_lists
 from refsim.experiments import bsh_published as published
-from refsim.experiments.hre_claims import claim
 from refsim.experiments.registry import Rows
 from refsim.experiments.runs import MISSING
+from refsim.experiments.verdicts import claim
 
 SHARE = 0.05  # percent points that a share of directions may be off
 

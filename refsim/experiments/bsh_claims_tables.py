@@ -8,8 +8,8 @@ from refsim.experiments import bsh_published as published
 from refsim.experiments import bsh_table_1, bsh_table_2, bsh_table_3
 from refsim.experiments.bsh_claims_method import present, some
 from refsim.experiments.bsh_table_1_statistics import SWITCHES, effects, statistics
-from refsim.experiments.hre_claims import claim
 from refsim.experiments.registry import Row, Rows
+from refsim.experiments.verdicts import claim
 
 LEVEL = 0.05  # of a permutation test
 FIT = 1.25  # times: a reading that fits is within it on every scene

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 from refsim.experiments import bsh_published as published
 from refsim.experiments.bsh_table_1_statistics import SWITCHES, effects
-from refsim.experiments.hre_claims import claim
 from refsim.experiments.registry import Row, Rows
+from refsim.experiments.verdicts import claim
 
 ROUNDING = 0.05  # of a number printed with one digit behind the point
 NEAR = 1.02  # times: "consistent" where numbers were rounded and averaged over frames

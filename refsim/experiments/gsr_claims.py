@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from refsim.experiments import gsr_errata, gsr_moving_light, gsr_order, gsr_table_2
 from refsim.experiments import gsr_published as published
 from refsim.experiments.gsr_claims_method import all_or_some, buffer_claims, share_claims, text_claims, work_claims
-from refsim.experiments.hre_claims import claim
 from refsim.experiments.registry import Case, Experiment, Row, Rows, Tables
+from refsim.experiments.verdicts import claim
 
 HIGH, SLIGHT = 2.0, 1.2  # "high variability": twice the cost; depends down to a fifth more
 

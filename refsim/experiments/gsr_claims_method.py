@@ -10,9 +10,9 @@ from itertools import pairwise
 from refsim.experiments import gsr_figure_4, gsr_table_1, gsr_table_3
 from refsim.experiments import gsr_published as published
 from refsim.experiments.gsr_runs import FRAGMENT_GRID, GEOMETRY_SHADER, MODES
-from refsim.experiments.hre_claims import claim
 from refsim.experiments.registry import Rows
 from refsim.experiments.runs import MISSING
+from refsim.experiments.verdicts import claim
 
 APPARENT = 10.0  # a speed-up that a picture shows: an order of magnitude
 # Operations that a texel may cost and still be covered, low and high guess: between the arithmetic that a card of 2008

@@ -28,8 +28,8 @@ from refsim.experiments.gsr_runs import (
     scene_of,
     shader_work,
 )
-from refsim.experiments.hre_claims import claim
 from refsim.experiments.registry import Case, Experiment, Row, Rows, Tables
+from refsim.experiments.verdicts import claim
 from refsim.papers.geometry_shader_rays.simt import WIDTHS
 from refsim.results import Trace
 

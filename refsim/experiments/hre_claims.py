@@ -12,8 +12,10 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 from refsim.experiments import dead_rays, errata, figure_4, figure_7, prototype, published, tile_size
+from refsim.experiments.hre_claims_structure import growth_claims, later_claims, structure_claims, tightest_claims
 from refsim.experiments.registry import Experiment, Row, Rows, Tables
 from refsim.experiments.runs import HIERARCHICAL, RAY_ENGINE
+from refsim.experiments.verdicts import claim
 
 Limits = tuple[float, float]  # up to the first a claim holds, above the second it fails
 
@@ -32,12 +34,6 @@ GRAZING: Limits = (0.16, 1.6)
 def within(value: float, limits: Limits) -> bool | None:
     """Whether a value is small enough; None between the limits."""
     return True if value <= limits[0] else None if value <= limits[1] else False
-
-
-def claim(section: str, text: str, body: str, rule: str, measured: str, holds: bool | None) -> Row:
-    """One line of the table; None is `depends`."""
-    verdict = {True: "holds", False: "fails", None: "depends"}[holds]
-    return {"section": section, "claim": text, "body": body, "rule": rule, "measured": measured, "verdict": verdict}
 
 
 def cone_claims(rows: Rows) -> Rows:
@@ -243,6 +239,10 @@ def tables(rows: Rows, others: Mapping[str, Rows]) -> Tables:
         *tile_claims(others["tile-size"]),
         *ratio_claims(others["figure-7"]),
         *count_claims(others["figure-7"]),
+        *structure_claims(others["figure-7"]),
+        *growth_claims(others["figure-7"]),
+        *later_claims(others["figure-4"]),
+        *tightest_claims(others["tightest-cone"]),
         *dead_ray_claims(rows),
         *errata_claims(others["errata"]),
         *arithmetic_claims(),
@@ -262,5 +262,5 @@ EXPERIMENT = Experiment(
     dead_rays.measure,
     None,
     tables,
-    needs=("figure-4", "tile-size", "figure-7", "errata"),
+    needs=("figure-4", "tile-size", "figure-7", "errata", "tightest-cone"),
 )

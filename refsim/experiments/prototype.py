@@ -42,7 +42,7 @@ Range = tuple[float, float]
 def claims(ratios: Rows, cones: Rows) -> Rows:
     """A line a statement, on the ratios of figure 7 and the summary of figure 4; bodies that neither has are left out.
 
-    Columns as in `hre_claims.claim`.
+    Columns as in `verdicts.claim`.
     """
     found = []
     for body, triangles, said in RATIOS:

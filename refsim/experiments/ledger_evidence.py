@@ -1,0 +1,60 @@
+"""What a claim's rule reads: rows of a table that match, and of these a column or several."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from refsim.experiments.ledger_file import Claim
+from refsim.experiments.registry import Row, Rows
+from refsim.experiments.runs import MISSING
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """`values` a row, in the table's order, and in how many matching rows a mesh is missing."""
+
+    values: list[Any]
+    missing: int
+
+
+def evidence_of(claim: Claim, tables: Mapping[str, Rows]) -> Evidence:
+    """The claim's evidence in the tables of its experiment, by stem."""
+    rows = _select(tables.get(claim.table, []), claim.where)
+    present = [row for row in rows if MISSING not in row.values()]
+    values = [_value(claim, row) for row in present]
+    return Evidence([value for value in values if not _blank(value)], len(rows) - len(present))
+
+
+def _blank(value: Any) -> bool:
+    """A cell that a row lacks, or a tuple with one."""
+    return any(part in ("", None) for part in value) if isinstance(value, list) else value in ("", None)
+
+
+def _value(claim: Claim, row: Row) -> Any:
+    names = [claim.value] if isinstance(claim.value, str) else list(claim.value)
+    if isinstance(claim.printed, str):
+        names.append(claim.printed.removeprefix("@"))
+    values = [row.get(name, "") for name in names]
+    return values[0] if len(values) == 1 else values
+
+
+def _select(rows: Rows, where: Mapping[str, Any]) -> Rows:
+    """Rows that match each condition; `@largest` and `@smallest` are those of the rows left by the others."""
+    plain = {name: wanted for name, wanted in where.items() if wanted not in ("@largest", "@smallest")}
+    found = [row for row in rows if all(_matches(row.get(name, ""), wanted) for name, wanted in plain.items())]
+    for name, wanted in where.items():
+        if name not in plain:
+            numbers = [row[name] for row in found if isinstance(row.get(name), int | float)]
+            end = (max if wanted == "@largest" else min)(numbers, default=None)
+            found = [row for row in found if row.get(name) == end]
+    return found
+
+
+def _matches(cell: Any, wanted: Any) -> bool:
+    if isinstance(wanted, list):
+        return any(_matches(cell, one) for one in wanted)
+    if isinstance(wanted, str) and wanted.endswith("*"):
+        return str(cell).startswith(wanted[:-1])
+    return bool(cell == wanted)
