@@ -22,6 +22,7 @@ from refsim.experiments import (
     cover,
     draw_stages,
     errata,
+    figure_1,
     figure_4,
     figure_5,
     figure_6,
@@ -46,7 +47,9 @@ from refsim.experiments.registry import Experiment
 TOPICS: dict[str, tuple[Experiment, ...]] = {
     "hre": tuple(
         module.EXPERIMENT
-        for module in (cover, figure_4, figure_5, figure_6, figure_7, tile_size, tightest_cone, errata, hre_claims)
+        for module in (
+            cover, figure_1, figure_4, figure_5, figure_6, figure_7, tile_size, tightest_cone, errata, hre_claims,
+        )
     ),
     "gsr": tuple(
         module.EXPERIMENT
