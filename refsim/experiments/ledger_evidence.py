@@ -22,19 +22,28 @@ class Evidence:
 def evidence_of(claim: Claim, tables: Mapping[str, Rows]) -> Evidence:
     """The claim's evidence in the tables of its experiment, by stem."""
     rows = _select(tables.get(claim.table, []), claim.where)
-    present = [row for row in rows if MISSING not in row.values()]
+    present = [row for row in rows if MISSING not in row.values() and not _stand_in(row)]
     values = [_value(claim, row) for row in present]
     return Evidence([value for value in values if not _blank(value)], len(rows) - len(present))
 
 
+# Marks of rows on another body than the paper's: shown, but no evidence on it
+STAND_INS = ("a stand-in", "decimated to")
+NONE = ("", None, "NA")  # what a row lacks, or the paper
+
+
+def _stand_in(row: Row) -> bool:
+    return any(isinstance(cell, str) and cell.startswith(STAND_INS) for cell in row.values())
+
+
 def _blank(value: Any) -> bool:
     """A cell that a row lacks, or a tuple with one."""
-    return any(part in ("", None) for part in value) if isinstance(value, list) else value in ("", None)
+    return any(part in NONE for part in value) if isinstance(value, list) else value in NONE
 
 
 def _value(claim: Claim, row: Row) -> Any:
     names = [claim.value] if isinstance(claim.value, str) else list(claim.value)
-    if isinstance(claim.printed, str):
+    if isinstance(claim.printed, str) and claim.printed.startswith("@"):
         names.append(claim.printed.removeprefix("@"))
     values = [row.get(name, "") for name in names]
     return values[0] if len(values) == 1 else values

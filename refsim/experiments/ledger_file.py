@@ -35,7 +35,8 @@ class Claim:
     experiment  whose tables are the evidence; '' where the paper leaves nothing to measure
     table       the table, by file stem; `where` selects rows: a value, a list of values, a text with `*` at its end, or
                 `@largest`, `@smallest` of a numeric column; `value` names the column, or columns, that the rule reads
-    printed     the paper's number or numbers, or the column that holds them (`@column`), in `unit`
+    printed     the paper's number or numbers, or the column that holds them (`@column`), in `unit`; `corrected` what
+                it should be where it is a slip
     tolerance   what the rule allows, and `reason` why
     trend       a value on whose other side the trend would be reversed (1 for a ratio)
     item        the part of the paper's inventory that this is about, as `Figure 4`
@@ -55,6 +56,7 @@ class Claim:
     where: Mapping[str, Any] = field(default_factory=dict)
     value: Any = ""
     printed: Any = None
+    corrected: float | None = None
     unit: str = ""
     tolerance: float = 0.0
     reason: str = ""

@@ -13,7 +13,7 @@ size of the run is `not measured`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -80,7 +80,12 @@ def _on_side(claim: Claim, values: Values) -> bool:
 
 def _number(holds: Callable[[Claim, float], bool]) -> Callable[[Claim, Values], Finding]:
     def judge(claim: Claim, values: Values) -> Finding:
-        return _shares(claim, [holds(claim, value) for value in values], _spread(values), _on_side(claim, values))
+        good = [holds(claim, value) for value in values]
+        if claim.corrected is not None and not any(good):
+            right = replace(claim, printed=claim.corrected)
+            if all(holds(right, value) for value in values):
+                return Finding(CORRECTED, _spread(values), f"it is {claim.corrected:g}")
+        return _shares(claim, good, _spread(values), _on_side(claim, values))
 
     return judge
 
@@ -105,6 +110,26 @@ def _verdicts(claim: Claim, values: Values) -> Finding:
     return _shares(claim, good, measured, trend=some)
 
 
+def _any_verdict(claim: Claim, values: Values) -> Finding:
+    """One line that holds is enough."""
+    lines = [value for value in values if value != "fails"]
+    measured = f"{values.count('holds')} of {len(values)} lines hold, {values.count('depends')} depend"
+    if "holds" in values:
+        return Finding(REPRODUCED, measured, "there is one")
+    if lines and claim.open:
+        return Finding(UNSAID, measured, f"some would, and the paper does not say {', '.join(claim.open)}")
+    return Finding(TREND if lines else CONTRADICTED, measured, "there is none")
+
+
+def _left_open(claim: Claim, values: Values) -> Finding:
+    """What the paper leaves open matters where a line says that it does not and fails."""
+    good = [value == "holds" for value in values]
+    measured = f"it does not matter in {sum(good)} of {len(good)}"
+    if all(good):
+        return Finding(REPRODUCED, measured, "what is left open does not matter")
+    return Finding(UNSAID, measured, f"it matters, and the paper does not say {', '.join(claim.open)}")
+
+
 def _grows(claim: Claim, values: Values) -> Finding:
     steps = [b > a for a, b in pairwise(values)]
     if not steps:
@@ -122,15 +147,32 @@ def _follows(claim: Claim, values: Values) -> Finding:
     measured = f"× {off.min():.3g} to × {off.max():.3g} of proportional ({len(values)} pairs)"
     if max(off.max(), 1 / off.min()) <= 1 + claim.tolerance:
         return Finding(REPRODUCED, measured, "proportional to what is printed")
-    same = [(a[0] - b[0]) * (a[1] - b[1]) > 0 for a, b in combinations(values, 2) if a[1] != b[1]]
+    same = _in_order(values)
     share = f"{sum(same)} of {len(same)} pairs are in the printed order"
     return Finding(TREND if np.mean(same) >= 0.9 else CONTRADICTED, measured, share)
 
 
+def _in_order(pairs: Values) -> list[bool]:
+    """Whether ours and the printed one go the same way, for every two pairs that are printed apart."""
+    return [(a[0] - b[0]) * (a[1] - b[1]) > 0 for a, b in combinations(pairs, 2) if a[1] != b[1]]
+
+
 def _matches(claim: Claim, values: Values) -> Finding:
-    """Pairs (ours, printed), each equal within the tolerance."""
+    """Pairs (ours, printed), each equal within the tolerance; the trend, if all go the same way."""
     good = [abs(ours - printed) <= claim.tolerance * abs(printed) for ours, printed in values]
-    return _shares(claim, good, _spread([ours / printed if printed else ours for ours, printed in values]) + " of it")
+    order = _in_order(values)
+    measured = f"× {_spread([ours / printed for ours, printed in values])}"
+    return _shares(claim, good, measured, bool(order) and all(order))
+
+
+def _put_right(claim: Claim, values: Values) -> Finding:
+    """Pairs (text, verdict): those whose text has the word of `printed` are runs as printed, the others corrected."""
+    printed = [verdict == "holds" for text, verdict in values if claim.printed in text]
+    corrected = [verdict == "holds" for text, verdict in values if claim.printed not in text]
+    measured = f"printed holds in {sum(printed)} of {len(printed)}, corrected in {sum(corrected)} of {len(corrected)}"
+    if all(printed):
+        return Finding(REPRODUCED, measured, "it holds as printed")
+    return Finding(CORRECTED if all(corrected) else CONTRADICTED, measured, f"with {claim.erratum or 'corrections'}")
 
 
 def _errata(claim: Claim, values: Values) -> Finding:
@@ -181,9 +223,12 @@ RULES: dict[str, Rule] = {
         _number(lambda c, v: abs(v - c.printed) <= 0.5 * 10.0 ** -len(f"{c.printed!r}".partition(".")[2].rstrip("0"))),
     ),
     "verdicts": Rule("every line of the table of verdicts holds", _verdicts),
+    "any verdict": Rule("a line of the table of verdicts holds", _any_verdict),
+    "left open": Rule("what the paper leaves open does not matter", _left_open),
     "grows": Rule("grows from row to row", _grows),
     "follows": Rule("proportional to the printed numbers; the trend, if nine of ten pairs are in order", _follows),
     "matches": Rule("each equal to the number printed for it, within the tolerance", _matches),
+    "put right": Rule("every run as printed holds, or else every corrected one", _put_right),
     "errata": Rule("kernel, reference and property agree", _errata),
     "predicts": Rule("prices fitted on the other rows predict it", _predicts),
     "made": Rule("all of it is made", _all_made),
