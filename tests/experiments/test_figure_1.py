@@ -93,5 +93,5 @@ def test_growth_and_emptied_tiles_can_fail() -> None:
     tiles = [row for row in read_csv(FIGURES / "figure-4.csv") if row["scene"] == "sphere_896"]
     assert [line["verdict"] for line in hre_claims_structure.later_claims(tiles)] == ["holds"]
     last = max(row["iteration"] for row in tiles)
-    full = [{**row, "state": "bounded"} if row["iteration"] == last else row for row in tiles]
+    full = [{**row, "state": "bounded", "half_angle_deg": 9.0} if row["iteration"] == last else row for row in tiles]
     assert [line["verdict"] for line in hre_claims_structure.later_claims(full)] == ["fails"]

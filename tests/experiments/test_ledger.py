@@ -1,0 +1,317 @@
+"""Plan: a verdict follows from evidence by a rule, and nothing else; what differs from what was committed is said.
+
+- Rules (hypothesis): the order of rows does not matter but to `grows`; evidence that holds everywhere is reproduced,
+  nowhere contradicted; a wider tolerance never takes a verdict away; what is open decides where rows disagree.
+- A table of rule, evidence and verdict at the borders of each rule.
+- The files: every part of each paper's inventory has a claim; a claim that lacks what its rule needs, an unknown rule
+  or field, a claim that stands twice, an inventory that is not covered are refused, each in one sentence.
+- Rows are selected by values, lists, beginnings, largest and smallest; missing meshes and stand-ins are no evidence.
+- An accepted run has no differences; one counter shifted by one, one verdict changed, one experiment removed, one case
+  left out have; a mesh that is missing is not compared, and says so.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from refsim.errors import InputError
+from refsim.experiments import ledger, ledger_committed, ledger_file, topics
+from refsim.experiments.ledger_evidence import evidence_of
+from refsim.experiments.ledger_file import Claim, read_paper
+from refsim.experiments.ledger_rules import (
+    CONTRADICTED,
+    CORRECTED,
+    HARDWARE,
+    MISSING_MESH,
+    NOT_MEASURED,
+    REPRODUCED,
+    RULES,
+    TREND,
+    UNSAID,
+    VERDICTS,
+)
+from refsim.experiments.outcome import Outcome
+from refsim.experiments.registry import Experiment
+
+NUMBER = Claim("x", "hre", "section 1", "number", "ten", "equals", "e", "e", value="v", printed=10.0, tolerance=0.1,
+               reason="a digit")  # fmt: skip
+VALUES = st.lists(st.floats(0.1, 100.0), min_size=1, max_size=8)
+WORDS = st.lists(st.sampled_from(("holds", "depends", "fails")), min_size=1, max_size=8)
+
+
+def verdict(claim: Claim, values: list) -> str:
+    return RULES[claim.rule].judge(claim, values).verdict
+
+
+@given(VALUES, st.randoms(use_true_random=False), st.sampled_from(("equals", "at least", "at most", "rounds to")))
+def test_order_of_rows_does_not_matter(values, random, rule) -> None:
+    shuffled = random.sample(values, len(values))
+    assert verdict(replace(NUMBER, rule=rule), values) == verdict(replace(NUMBER, rule=rule), shuffled)
+
+
+@given(VALUES, st.sampled_from(("equals", "at least", "at most")), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_wider_tolerance_never_takes_a_verdict_away(values, rule, one, other) -> None:
+    rank = [CONTRADICTED, TREND, REPRODUCED]
+    narrow, wide = (
+        verdict(replace(NUMBER, rule=rule, tolerance=t), values) for t in sorted((one, other))
+    )
+    assert rank.index(narrow) <= rank.index(wide)
+
+
+@given(WORDS)
+def test_verdicts_of_a_table(words) -> None:
+    claim = replace(NUMBER, rule="verdicts", printed=None)
+    found, left_open = verdict(claim, words), verdict(replace(claim, open=("the camera",)), words)
+    if set(words) == {"holds"}:
+        assert found == left_open == REPRODUCED
+    elif set(words) == {"fails"}:
+        assert found == left_open == CONTRADICTED
+    else:
+        assert (found, left_open) == (TREND, UNSAID)
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 5)] * 3), min_size=1, max_size=6))
+def test_errata(triples) -> None:
+    differ, printed, corrected = (sum(column) for column in zip(*triples, strict=True))
+    found = verdict(replace(NUMBER, rule="errata"), triples)
+    assert (found == REPRODUCED) is (differ == 0 and printed == 0)
+    assert (found == CORRECTED) is (differ == 0 and printed > 0 and corrected == 0)
+    assert found in (REPRODUCED, CORRECTED, CONTRADICTED)
+
+
+@given(st.lists(st.floats(0.5, 50.0), min_size=3, max_size=7, unique=True), st.floats(0.01, 100.0))
+def test_proportional_pairs_follow(printed, factor) -> None:
+    assert verdict(replace(NUMBER, rule="follows"), [(factor * p, p) for p in printed]) == REPRODUCED
+
+
+@pytest.mark.parametrize(
+    ("changes", "values", "expected"),
+    [
+        ({}, [9.0, 11.0], REPRODUCED),
+        ({}, [10.0, 11.1], TREND),
+        ({"open": ("the scene",)}, [10.0, 11.1], UNSAID),
+        ({}, [8.9], CONTRADICTED),
+        ({"trend": 1.0}, [8.9, 2.0], TREND),
+        ({"trend": 1.0}, [8.9, 0.9], CONTRADICTED),
+        ({"corrected": 9.0, "tolerance": 0.0}, [9.0, 9.0], CORRECTED),
+        ({"corrected": 9.0, "tolerance": 0.0}, [9.0, 8.0], CONTRADICTED),
+        ({"rule": "at least"}, [9.0, 50.0], REPRODUCED),
+        ({"rule": "at most"}, [11.0], REPRODUCED),
+        ({"rule": "at most"}, [11.2], CONTRADICTED),
+        ({"rule": "between", "printed": [5.0, 15.0], "tolerance": 0.0}, [5.0, 15.0], REPRODUCED),
+        ({"rule": "between", "printed": [5.0, 15.0], "tolerance": 0.0}, [4.9, 15.0], TREND),
+        ({"rule": "rounds to"}, [9.5, 10.5], REPRODUCED),
+        ({"rule": "rounds to", "printed": 2.25}, [2.2549], REPRODUCED),
+        ({"rule": "rounds to", "printed": 2.25}, [2.256], CONTRADICTED),
+        ({"rule": "grows"}, [1.0, 2.0, 3.0], REPRODUCED),
+        ({"rule": "grows"}, [1.0, 3.0, 2.0], TREND),
+        ({"rule": "grows"}, [3.0, 2.0, 2.0], CONTRADICTED),
+        ({"rule": "grows"}, [3.0], NOT_MEASURED),
+        ({"rule": "follows"}, [(1.0, 1.0), (2.0, 2.5), (9.0, 4.0)], TREND),
+        ({"rule": "follows"}, [(2.0, 1.0), (1.0, 2.0), (9.0, 4.0)], CONTRADICTED),
+        ({"rule": "follows"}, [(2.0, 1.0), (1.0, 2.0)], MISSING_MESH),
+        ({"rule": "matches"}, [(9.0, 10.0), (1.05, 1.0)], REPRODUCED),
+        ({"rule": "matches"}, [(20.0, 10.0), (2.0, 1.0)], TREND),
+        ({"rule": "matches"}, [(20.0, 10.0), (30.0, 1.0)], CONTRADICTED),
+        ({"rule": "matches"}, [(20.0, 10.0)], CONTRADICTED),
+        ({"rule": "predicts"}, [0.1, -0.1], REPRODUCED),
+        ({"rule": "predicts"}, [0.1, -0.11], HARDWARE),
+        ({"rule": "put right", "printed": "old"}, [("old", "holds"), ("new", "fails")], REPRODUCED),
+        ({"rule": "put right", "printed": "old"}, [("old", "fails"), ("new", "holds")], CORRECTED),
+        ({"rule": "put right", "printed": "old"}, [("old", "fails"), ("new", "depends")], CONTRADICTED),
+        ({"rule": "any verdict"}, ["fails", "holds"], REPRODUCED),
+        ({"rule": "any verdict"}, ["fails", "depends"], TREND),
+        ({"rule": "any verdict", "open": ("what",)}, ["fails", "depends"], UNSAID),
+        ({"rule": "any verdict"}, ["fails", "fails"], CONTRADICTED),
+        ({"rule": "left open", "open": ("what",)}, ["holds", "fails"], UNSAID),
+        ({"rule": "left open"}, ["holds"], REPRODUCED),
+        ({"rule": "made"}, ["a"], REPRODUCED),
+        ({"rule": "made", "open": ("the scene",)}, ["a"], UNSAID),
+        ({"rule": "hardware", "unit": "ms"}, [], HARDWARE),
+        ({"rule": "hardware", "unit": "triangles"}, [], UNSAID),
+        ({"rule": "unsaid", "open": ("the scene",)}, [], UNSAID),
+    ],
+)  # fmt: skip
+def test_borders_of_each_rule(changes, values, expected) -> None:
+    assert verdict(replace(NUMBER, **changes), values) == expected
+
+
+def test_every_rule_is_tried_and_used() -> None:
+    used = {claim.rule for paper in ledger_file.papers().values() for claim in paper.claims}
+    assert used <= set(RULES)
+    assert {verdict for verdict in VERDICTS if verdict not in (HARDWARE, MISSING_MESH, UNSAID)} == {
+        REPRODUCED, TREND, CORRECTED, CONTRADICTED,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ledger_file.PAPERS)
+def test_inventory_is_complete(name: str) -> None:
+    paper = read_paper(ledger_file.FOLDER / f"{name}.toml")
+    kinds = {kind for kind, _ in paper.inventory}
+    assert {"figure", "equation"} <= kinds and len(paper.claims) > 40
+    for claim in paper.claims:
+        assert claim.says and claim.place, claim.name
+        assert claim.rule not in ("unsaid", "left open") or claim.open, claim.name
+
+
+TWIN = """
+[[claim]]
+id = "a"
+place = "section 1"
+kind = "number"
+says = "s"
+rule = "unsaid"
+"""
+FILE = """
+[paper]
+title = "T"
+authors = "A"
+venue = "V"
+year = 2000
+figures = ["Figure 1"]
+
+[[claim]]
+id = "a"
+item = "Figure 1"
+place = "Figure 1"
+kind = "figure"
+says = "a figure"
+experiment = "e"
+table = "e"
+value = "v"
+rule = "equals"
+printed = 3
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('item = "Figure 1"', "", "no claim on Figure 1"),
+        ('rule = "equals"', 'rule = "magic"', "no rule 'magic'"),
+        ('value = "v"', "", "reads a table"),
+        ('kind = "figure"', 'kind = "poem"', "kind 'poem'"),
+        ('place = "Figure 1"', 'plaice = "Figure 1"', "unknown fields plaice"),
+        ("printed = 3", "printed = 3\ntolerance = 0.5", "no reason"),
+        ("printed = 3", "printed = ", "cannot be read"),
+        ("year = 2000", "", "cannot be read"),
+        ("printed = 3\n", f"printed = 3\n{TWIN}", "stands twice"),
+    ],
+)  # fmt: skip
+def test_mistakes_in_a_file_are_refused(old: str, new: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "paper.toml"
+    path.write_text(FILE)
+    assert len(read_paper(path).claims) == 1
+    path.write_text(FILE.replace(old, new))
+    with pytest.raises(InputError, match=words):
+        read_paper(path)
+
+
+ROWS = [
+    {"scene": "blob_100", "n": 100, "v": 1.0, "p": 2.0},
+    {"scene": "blob_200", "n": 200, "v": 3.0, "p": 4.0},
+    {"scene": "bunny", "n": "missing", "v": "", "p": 6.0},
+    {"scene": "buddha", "n": 300, "v": 9.0, "p": "NA", "mesh": "a stand-in, not the paper's mesh"},
+]
+
+
+@pytest.mark.parametrize(
+    ("where", "changes", "values", "missing"),
+    [
+        ({}, {}, [1.0, 3.0], 2),
+        ({"scene": "blob_200"}, {}, [3.0], 0),
+        ({"scene": "blob*"}, {}, [1.0, 3.0], 0),
+        ({"scene": ["bunny", "blob_1*"]}, {}, [1.0], 1),
+        ({"scene": "blob*", "n": "@largest"}, {}, [3.0], 0),
+        ({"n": "@smallest"}, {}, [1.0], 0),
+        ({"scene": "knot"}, {}, [], 0),
+        ({}, {"printed": "@p"}, [[1.0, 2.0], [3.0, 4.0]], 2),
+        ({}, {"value": ["v", "n"]}, [[1.0, 100], [3.0, 200]], 2),
+        ({}, {"value": "w"}, [], 2),
+    ],
+)
+def test_rows_are_selected(where, changes, values, missing) -> None:
+    found = evidence_of(replace(NUMBER, where=where, **changes), {"e": ROWS})
+    assert (found.values, found.missing) == (values, missing)
+
+
+@pytest.fixture
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Outcome:
+    """A ledger of one claim, one experiment of two cases, and a run of it that was accepted."""
+    (tmp_path / "hre.toml").write_text(FILE)
+    monkeypatch.setattr(ledger_committed, "FOLDER", tmp_path)
+    monkeypatch.setattr(ledger, "papers", lambda: {"hre": read_paper(tmp_path / "hre.toml")})
+    experiment = Experiment("e", "E", "", lambda quick: [], lambda: [])
+    monkeypatch.setitem(topics.TOPICS, "hre", (experiment,))
+    for topic in set(topics.TOPICS) - {"hre"}:
+        monkeypatch.setitem(topics.TOPICS, topic, ())
+    outcome = run(3, 4)
+    ledger.accept(ledger.judge(outcome), outcome)
+    return outcome
+
+
+def run(first: float, second: float, **changes) -> Outcome:
+    """A run in which the claim's value is `first` and a number that no claim reads is `second`."""
+    rows = {'{"case": 1}': [{"v": first}], '{"case": 2, "mesh": "present"}': [{"other": second}]}
+    table = {"e": {"e": [row for own in rows.values() for row in own]}}
+    return replace(Outcome(False, Path(), True, {"e": rows}, table), **changes)
+
+
+def test_accepted_run_has_no_differences(small: Outcome) -> None:
+    found = ledger.judge(run(3, 4))
+    assert (found.differs, found.not_compared) == ([], [])
+    assert [entry["verdict"] for entry in found.entries] == [REPRODUCED]
+    assert found.summary() == {"hre": {REPRODUCED: 1}}
+    json.dumps(found.entries)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "words"),
+    [
+        (4, 4, ("hre.a: contradicted", "1 of 2 cases")),
+        (3, 5, ("e: 1 of 2 cases give other rows",)),
+        (3.0 + 1e-6, 4, ("hre.a: contradicted", "1 of 2 cases")),
+        (3, 4 + 1e-6, ("1 of 2 cases",)),
+    ],
+)
+def test_one_number_shifted_is_a_difference(small: Outcome, first, second, words) -> None:
+    found = ledger.judge(run(first, second))
+    assert len(found.differs) == len(words)
+    assert all(any(word in line for line in found.differs) for word in words)
+
+
+def test_last_digits_of_a_float_are_no_difference(small: Outcome) -> None:
+    outcome = run(3, 4.5)
+    ledger.accept(ledger.judge(outcome), outcome)
+    assert ledger.judge(run(3, 4.5 + 1e-12)).differs == []
+    assert len(ledger.judge(run(3, 4.5 + 1e-6)).differs) == 1
+
+
+def test_removed_experiment_is_a_difference(small: Outcome, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(topics.TOPICS, "hre", ())
+    found = ledger.judge(Outcome(False, Path(), complete=True))
+    assert len(found.differs) == 2
+    assert "hre.a: there is no experiment 'e'" in found.differs[0]
+    assert "e: committed, but no such experiment" in found.differs[1]
+
+
+def test_case_left_out_is_a_difference(small: Outcome) -> None:
+    found = ledger.judge(run(3, 4, cases={"e": {'{"case": 1}': [{"v": 3}]}}))
+    assert found.differs == ['e: committed cases are not run: {"case": 2, "mesh": "present"}.']
+
+
+def test_missing_mesh_is_not_compared(small: Outcome) -> None:
+    cases = {'{"case": 1}': [{"v": 3}], '{"case": 2, "mesh": "missing"}': [{"other": "missing"}]}
+    found = ledger.judge(run(4, 4, cases={"e": cases}))
+    assert found.differs == [] and len(found.not_compared) == 2
+
+
+def test_uncommitted_run_differs(small: Outcome) -> None:
+    found = ledger.judge(replace(small, quick=True))
+    assert found.differs == ["hre.a: reproduced; nothing was committed.", "e: nothing was committed of it."]
