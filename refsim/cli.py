@@ -1,9 +1,10 @@
 """The command line: parses and prints, nothing else.
 
-    refsim render METHOD SCENE      refsim scenes      refsim doctor      refsim reproduce TOPIC
+    refsim render METHOD SCENE      refsim scenes      refsim doctor      refsim reproduce
 
-Exit codes: 0 fine, 1 something is wrong (doctor), 2 cannot (bad input), 130 interrupted. A refusal is one line on
-stderr that names the culprit. Whatever a command needs is imported inside it, so that help and refusals are instant.
+Exit codes: 0 fine, 1 something is wrong (doctor, reproduce), 2 cannot (bad input), 130 interrupted. A refusal is one
+line on stderr that names the culprit. Whatever a command needs is imported inside it, so that help and refusals are
+instant.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ import click
 from refsim.cli_options import Size, method_options
 from refsim.errors import InputError
 
+WRONG = 1
 CANNOT = 2
 INTERRUPTED = 130
+TOPICS = ("hre", "gsr", "bsh", "pipeline", "across")
 BROKEN_PIPE = 141  # what a shell reports for a program that SIGPIPE ended
 
 
@@ -91,13 +94,17 @@ def render(method: str, scene: str, size: tuple[int, int], out: Path | None, as_
     print_table([(name, f"{value:,} {REGISTRY[name].unit}") for name, value in counters.items()])
 
 
-@commands.command()
+@commands.group(invoke_without_command=True)
 @as_json
-def scenes(as_json: bool) -> None:
+@click.pass_context
+def scenes(ctx: click.Context, as_json: bool) -> None:
     """List scenes and real meshes.
 
-    The meshes are those in the folder that REFSIM_SCENES names; known ones that it lacks read `missing`.
+    The meshes are those in the folder that REFSIM_SCENES names, or where it is not set in the user's cache; known ones
+    that it lacks read `missing`, and `refsim scenes fetch NAME` gets some from where they were first published.
     """
+    if ctx.invoked_subcommand is not None:
+        return
     from refsim import doctor
 
     listing = doctor.scenes()
@@ -105,6 +112,27 @@ def scenes(as_json: bool) -> None:
         print_json(listing)
     else:
         print_table(doctor.scene_rows(listing))
+
+
+@scenes.command()
+@click.argument("names", nargs=-1, required=True, metavar="NAME...")
+@click.option("--to", type=click.Path(path_type=Path), metavar="FOLDER", help="Where the meshes go.")
+@click.option("--force", is_flag=True, help="Replace a file of that name that is not the mesh.")
+def fetch(names: tuple[str, ...], to: Path | None, force: bool) -> None:
+    """Fetch real meshes from their original archives.
+
+    What comes is checked against the SHA-256 that refsim knows, and put in place whole or not at all: in the folder
+    that REFSIM_SCENES names, or where it is not set in the user's cache (~/.cache/refsim/scenes), which is then
+    searched instead. NAME is bunny, dragon, dragon_res2, dragon_res3, dragon_res4 or horse. Needs the package pooch:
+    pip install 'refsim[fetch]'.
+    """
+    from refsim.progress import progress
+    from refsim.scene.fetch import fetch_meshes
+
+    for got in fetch_meshes(names, to, force=force, progress=progress):
+        click.echo(f"{got.path}: {'was there already, and is right' if got.already_there else 'fetched and checked'}")
+        told = {"triangles": f"{got.mesh.triangles:,}", "source": got.mesh.source, "archive": got.original.url}
+        print_table([*told.items(), ("credit", got.original.credit), ("terms", got.original.terms)])
 
 
 @commands.command()
@@ -126,29 +154,68 @@ def doctor(ctx: click.Context, as_json: bool) -> None:
 
 
 @commands.command()
-@click.argument("topic", type=click.Choice(["hre", "gsr", "bsh", "pipeline"]), default="hre", metavar="TOPIC")
-@click.option("--quick", is_flag=True, help="Smaller sizes, in two minutes at most.")
-@click.option("--only", metavar="ID", help="One figure or table.")
+@click.argument("topic", type=click.Choice(TOPICS), required=False, metavar="TOPIC")
+@click.option("--quick", is_flag=True, help="Smaller sizes, in four minutes at most.")
+@click.option("--only", multiple=True, metavar="ID", help="One figure or table; may be given several times.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="DIR",
     help="Where pictures and the CSV behind each go; figures, or figures-quick with --quick, if not given.",
 )
-def reproduce(topic: str, quick: bool, only: str | None, out: Path | None) -> None:
-    """Make figures and tables again.
+@click.option("--jobs", type=click.IntRange(1, 1024), metavar="N", help="Processes; one a processor if not given.")
+@click.option(
+    "--backend",
+    type=click.Choice(["joblib", "dask"]),
+    default="joblib",
+    show_default=True,
+    help="What runs them: joblib here, or the Dask cluster of DASK_SCHEDULER_ADDRESS, else one made here.",
+)
+@click.option("--accept", is_flag=True, help="Make the verdicts and rows of this run the committed ones.")
+@click.pass_context
+def reproduce(
+    ctx: click.Context,
+    topic: str | None,
+    quick: bool,
+    only: tuple[str, ...],
+    out: Path | None,
+    jobs: int | None,
+    backend: str,
+    accept: bool,
+) -> None:
+    """Make figures and tables again, and judge what the papers claim.
 
     TOPIC is hre, the paper on the Hierarchical Ray Engine, gsr, the one on ray tracing in the geometry shader, bsh,
-    the one on traversal lists of bounding spheres, or pipeline, what a draw does stage by stage. Each figure or table
-    is a picture and the CSV behind it.
+    the one on traversal lists of bounding spheres, pipeline, what a draw does stage by stage, or across, what compares
+    the papers; without it, everything is made, with report.json. Each figure or table is a picture and the CSV behind
+    it. A run that was stopped goes on where it was when it is started again.
+
+    The exit code is 1 if a verdict, or a row behind it, is not the committed one.
     """
     from refsim import experiments
     from refsim.progress import progress
 
     # The committed figures are full ones: quick ones never take their place unasked
     folder = out or Path("figures-quick" if quick else "figures")
-    for path in experiments.reproduce(topic, quick=quick, only=only, out=folder, progress=progress):
+    outcome = experiments.Outcome(quick, folder)
+    for path in experiments.reproduce(
+        topic,
+        quick=quick,
+        only=only or None,
+        out=folder,
+        progress=progress,
+        jobs=jobs or experiments.processors(),
+        backend=backend,
+        outcome=outcome,
+    ):
         click.echo(path)
+    judgement, paths = experiments.conclude(outcome, accept=accept)
+    for path in paths:
+        click.echo(path)
+    print_table(experiments.summary_rows(judgement))
+    for sentence in judgement.differs:
+        click.echo(f"refsim: {' '.join(sentence.split())}", err=True)
+    ctx.exit(WRONG if judgement.differs else 0)
 
 
 def print_json(value: object) -> None:

@@ -154,8 +154,10 @@ def rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def mesh_rows(found: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What :func:`meshes` found, as names and values for reading."""
+    from refsim.scene.known import cache_folder
+
     return [
-        ("REFSIM_SCENES", found["folder"] or "not set"),
+        ("REFSIM_SCENES", found["folder"] or f"not set; meshes are looked for in {cache_folder()}"),
         ("meshes present", listed(found["present"])),
         ("meshes missing", listed(found["missing"])),
         ("meshes different", listed(found["different"])),

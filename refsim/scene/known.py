@@ -1,7 +1,8 @@
 """Real meshes that refsim knows by name: what they are and how to tell the file.
 
 They are not part of the package. A mesh is found by its bare name as a file in the folder that the environment variable
-REFSIM_SCENES names; ``sha256`` is that of the binary PLY file used here.
+REFSIM_SCENES names; while that is not set, in the user's cache, where `refsim scenes fetch` puts what it fetches.
+``sha256`` is that of the binary PLY file used here.
 """
 
 from __future__ import annotations
@@ -11,7 +12,16 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["FORMATS", "KNOWN_MESHES", "KnownMesh", "find_mesh", "is_known_file", "scenes_folder"]
+__all__ = [
+    "FORMATS",
+    "KNOWN_MESHES",
+    "KnownMesh",
+    "cache_folder",
+    "find_mesh",
+    "is_known_file",
+    "meshes_folder",
+    "scenes_folder",
+]
 
 FOLDER_VARIABLE = "REFSIM_SCENES"
 FORMATS = (".ply", ".obj", ".stl", ".glb")
@@ -75,9 +85,25 @@ def scenes_folder() -> Path | None:
     return Path(folder).expanduser() if folder else None
 
 
+def cache_folder() -> Path | None:
+    """The user's own folder of fetched meshes, there or not: refsim/scenes in XDG_CACHE_HOME, or else in ~/.cache.
+
+    None for a user without a home.
+    """
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "refsim" / "scenes"
+    except RuntimeError:
+        return None
+
+
+def meshes_folder() -> Path | None:
+    """Where real meshes are looked for and fetched to: `scenes_folder`, or `cache_folder` where that is None."""
+    return scenes_folder() or cache_folder()
+
+
 def find_mesh(name: str) -> Path | None:
     """The file of a bare mesh name in the folder of real meshes: the first of name.ply, .obj, .stl, .glb; or None."""
-    folder = scenes_folder()
+    folder = meshes_folder()
     if folder is None:
         return None
     return next((path for ending in FORMATS if (path := folder / (name + ending)).is_file()), None)

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from refsim.errors import InputError
-from refsim.scene.known import FOLDER_VARIABLE, FORMATS, KNOWN_MESHES, find_mesh, scenes_folder
+from refsim.scene.archives import ORIGINALS
+from refsim.scene.known import FOLDER_VARIABLE, FORMATS, KNOWN_MESHES, find_mesh, meshes_folder, scenes_folder
 from refsim.scene.library import LIBRARY, library_scene
 from refsim.scene.material import Material
 from refsim.scene.mesh import Scene, degenerate_triangles
@@ -76,7 +77,7 @@ def scene_names() -> dict[str, int | None]:
     A number is the one of the file's header, None where it could only be had by reading the whole file.
     """
     names: dict[str, int | None] = {name: entry.triangles for name, entry in LIBRARY.items()}
-    folder = scenes_folder()
+    folder = meshes_folder()
     if folder is not None and folder.is_dir():
         for path in sorted(folder.iterdir()):
             if path.suffix.lower() in FORMATS and library_or_none(path.stem) is None:
@@ -131,6 +132,7 @@ def _named_mesh(name: str) -> Path:
         raise InputError(
             f"scene {name!r} is missing: put {name}.ply into {where}; "
             f"it is the {known.source}, {known.triangles} triangles"
+            + (f"; `refsim scenes fetch {name}` gets it" if name in ORIGINALS else "")
         )
     names = dict.fromkeys([*scene_names(), *KNOWN_MESHES])
     close = difflib.get_close_matches(name, names, n=3)

@@ -31,6 +31,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty working directory, with no real meshes known."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("REFSIM_SCENES", raising=False)
+    monkeypatch.setattr("refsim.scene.known.cache_folder", lambda: tmp_path / "cache")
     return tmp_path
 
 

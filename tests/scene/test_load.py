@@ -277,6 +277,7 @@ def test_names_find_files_in_the_folder_and_the_library_first(tmp_path: Path, mo
 @pytest.mark.parametrize("folder", ["", "nowhere"])
 def test_a_missing_real_mesh_says_what_to_put_where(folder: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("REFSIM_SCENES", folder)
+    monkeypatch.setattr("refsim.scene.known.cache_folder", lambda: None)
     message = r"'bunny' is missing: put bunny.ply into .*REFSIM_SCENES.*Stanford.*69451"
     with pytest.raises(InputError, match=message) as caught:
         load_scene("bunny")
