@@ -147,6 +147,7 @@ def _sensitivity(claim: Claim, outcome: Outcome) -> Row | None:
     rows = [
         row for row in outcome.tables.get(SENSITIVITY, {}).get(SENSITIVITY, [])
         if row["headline"] == claim.headline and row["claim"] == claim.sensitivity and row["holds"] in ("yes", "no")
+        and row.get("counted", "yes") == "yes"
     ]  # fmt: skip
     if not rows:
         return None

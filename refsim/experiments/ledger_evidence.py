@@ -24,7 +24,9 @@ def evidence_of(claim: Claim, tables: Mapping[str, Rows]) -> Evidence:
     rows = _select(tables.get(claim.table, []), claim.where)
     present = [row for row in rows if MISSING not in row.values() and not _stand_in(row)]
     values = [_value(claim, row) for row in present]
-    return Evidence([value for value in values if not _blank(value)], len(rows) - len(present))
+    # The rule on errata knows forms that there are not
+    kept = values if claim.rule == "errata" else [value for value in values if not _blank(value)]
+    return Evidence(kept, len(rows) - len(present))
 
 
 # Marks of rows on another body than the paper's: shown, but no evidence on it

@@ -176,16 +176,18 @@ def _put_right(claim: Claim, values: Values) -> Finding:
 
 
 def _errata(claim: Claim, values: Values) -> Finding:
-    """Triples: inputs on which kernel and twin differ, on which the printed form fails, and the corrected one."""
-    differ, printed, corrected = (sum(column) for column in zip(*values, strict=True))
-    measured = f"printed fails {printed:g} times, corrected {corrected:g}"
+    """Triples: inputs on which kernel and twin differ, on which the printed form fails, and the corrected one; a blank
+    where there is no twin or no such form."""
+    differ, printed, corrected = (sum(value or 0 for value in column) for column in zip(*values, strict=True))
+    mended = all(value[2] not in ("", None) for value in values)
+    measured = f"printed fails {printed:g} times, " + (f"corrected {corrected:g}" if mended else "nothing corrects it")
     if differ:
         return Finding(CONTRADICTED, measured, f"kernel and reference differ {differ:g} times")
-    if printed == 0:
-        return Finding(REPRODUCED, measured, "the printed form has the property that it must have")
-    if corrected == 0:
+    if printed == 0 and corrected == 0:
+        return Finding(REPRODUCED, measured, "it has the property that it must have")
+    if corrected == 0 and mended:
         return Finding(CORRECTED, measured, f"it takes {claim.erratum or 'a correction'}")
-    return Finding(CONTRADICTED, measured, "the corrected form fails too")
+    return Finding(CONTRADICTED, measured, "the corrected form fails too" if mended else "it does not hold as printed")
 
 
 def _predicts(claim: Claim, values: Values) -> Finding:
