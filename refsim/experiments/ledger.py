@@ -131,7 +131,8 @@ def _entry(claim: Claim, finding: Finding, evidence: Evidence, outcome: Outcome)
     topic = _topic_of(claim.experiment)
     return {
         "id": claim.name, "paper": claim.paper, "place": claim.place, "kind": claim.kind, "item": claim.item,
-        "says": claim.says, "experiment": claim.experiment, "printed": claim.printed, "unit": claim.unit,
+        "says": claim.says, "experiment": claim.experiment, "table": claim.table, "where": dict(claim.where),
+        "printed": claim.printed, "unit": claim.unit,
         "measured": finding.measured, "evidence": evidence.values, "missing": evidence.missing,
         "rule": rule.sentence, "tolerance": claim.tolerance, "reason": claim.reason, "open": list(claim.open),
         "erratum": claim.erratum, "verdict": finding.verdict, "why": finding.why,

@@ -21,7 +21,7 @@ class Evidence:
 
 def evidence_of(claim: Claim, tables: Mapping[str, Rows]) -> Evidence:
     """The claim's evidence in the tables of its experiment, by stem."""
-    rows = _select(tables.get(claim.table, []), claim.where)
+    rows = select(tables.get(claim.table, []), claim.where)
     present = [row for row in rows if MISSING not in row.values() and not _stand_in(row)]
     values = [_value(claim, row) for row in present]
     # The rule on errata knows forms that there are not
@@ -51,7 +51,7 @@ def _value(claim: Claim, row: Row) -> Any:
     return values[0] if len(values) == 1 else values
 
 
-def _select(rows: Rows, where: Mapping[str, Any]) -> Rows:
+def select(rows: Rows, where: Mapping[str, Any]) -> Rows:
     """Rows that match each condition; `@largest` and `@smallest` are those of the rows left by the others."""
     plain = {name: wanted for name, wanted in where.items() if wanted not in ("@largest", "@smallest")}
     found = [row for row in rows if all(_matches(row.get(name, ""), wanted) for name, wanted in plain.items())]

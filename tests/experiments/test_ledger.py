@@ -80,7 +80,7 @@ def test_verdicts_of_a_table(words) -> None:
 def test_errata(triples) -> None:
     differ, printed, corrected = (sum(column) for column in zip(*triples, strict=True))
     found = verdict(replace(NUMBER, rule="errata"), triples)
-    assert (found == REPRODUCED) is (differ == 0 and printed == 0)
+    assert (found == REPRODUCED) is (differ == printed == corrected == 0)
     assert (found == CORRECTED) is (differ == 0 and printed > 0 and corrected == 0)
     assert found in (REPRODUCED, CORRECTED, CONTRADICTED)
 
@@ -120,11 +120,16 @@ def test_proportional_pairs_follow(printed, factor) -> None:
         ({"rule": "matches"}, [(20.0, 10.0), (2.0, 1.0)], TREND),
         ({"rule": "matches"}, [(20.0, 10.0), (30.0, 1.0)], CONTRADICTED),
         ({"rule": "matches"}, [(20.0, 10.0)], CONTRADICTED),
-        ({"rule": "predicts"}, [0.1, -0.1], REPRODUCED),
-        ({"rule": "predicts"}, [0.1, -0.11], HARDWARE),
+        ({"rule": "predicts", "tolerance": 25.0}, [25.0, -25.0], REPRODUCED),
+        ({"rule": "predicts", "tolerance": 25.0}, [10.0, -25.1], HARDWARE),
         ({"rule": "put right", "printed": "old"}, [("old", "holds"), ("new", "fails")], REPRODUCED),
         ({"rule": "put right", "printed": "old"}, [("old", "fails"), ("new", "holds")], CORRECTED),
         ({"rule": "put right", "printed": "old"}, [("old", "fails"), ("new", "depends")], CONTRADICTED),
+        ({"rule": "errata"}, [[0, "", 0]], REPRODUCED),
+        ({"rule": "errata"}, [["", 0, ""]], REPRODUCED),
+        ({"rule": "errata"}, [[0, 3, ""]], CONTRADICTED),
+        ({"rule": "errata"}, [[0, 3, 0], [0, 0, 0]], CORRECTED),
+        ({"rule": "errata"}, [[0, 3, 0], ["", 1, ""]], CONTRADICTED),
         ({"rule": "any verdict"}, ["fails", "holds"], REPRODUCED),
         ({"rule": "any verdict"}, ["fails", "depends"], TREND),
         ({"rule": "any verdict", "open": ("what",)}, ["fails", "depends"], UNSAID),
