@@ -24,6 +24,7 @@ class Experiment:
     plot    `plot(rows)` -> a matplotlib Figure, from rows alone (pictures are rendered again by `pictures.picture`)
     needs   experiments whose rows the tables are made from, of any topic
     alt     what the picture shows, for those who cannot see it
+    drawn   stem of the table that `plot` takes instead of the rows, where it is made from what `needs` brings
     timed   rows hold times: they are measured alone and one after the other, their tables lie in `timings/`, and
             neither the ledger nor the comparison of bytes reads them
     """
@@ -39,7 +40,12 @@ class Experiment:
     dpi: int | None = None
     alt: str = ""
     timed: bool = False
+    drawn: str = ""
 
     def tables_of(self, rows: Rows, others: Mapping[str, Rows]) -> Tables:
         """What to write: file stem -> rows."""
         return {self.id: rows} if self.tables is None else self.tables(rows, others)
+
+    def drawn_rows(self, rows: Rows, tables: Tables) -> Rows:
+        """What `plot` takes: the rows, or the table named `drawn`."""
+        return tables[self.drawn] if self.drawn else rows
