@@ -3,7 +3,7 @@
     with progress(total=12, description="figure 7") as advance:
         for row in rows:
             ...
-            advance()
+            advance(doing="the next row")
 
 The bar goes to stderr, so what a command prints on stdout stays clean; it disappears when the work is done.
 """
@@ -17,9 +17,9 @@ from typing import Protocol
 
 
 class Advance(Protocol):
-    """Says that ``steps`` more of the total are done."""
+    """Says that ``steps`` more of the total are done, and what is being done now."""
 
-    def __call__(self, steps: float = 1) -> None: ...
+    def __call__(self, steps: float = 1, doing: str | None = None) -> None: ...
 
 
 class Progress(Protocol):
@@ -31,7 +31,7 @@ class Progress(Protocol):
 @contextmanager
 def silent(total: float | None, description: str) -> Iterator[Advance]:
     """Report nothing."""
-    yield lambda steps=1: None
+    yield lambda steps=1, doing=None: None
 
 
 @contextmanager
@@ -46,7 +46,9 @@ def progress(total: float | None, description: str) -> Iterator[Advance]:
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
+    # What is printed meanwhile appears above the bar; but what goes into a file must not come to the terminal
+    shared = sys.stdout.isatty()
+    with Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=shared) as bar:
         task = bar.add_task(description, total=total)
-        yield lambda steps=1: bar.advance(task, steps)
+        yield lambda steps=1, doing=None: bar.update(task, advance=steps, description=doing)

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
 import os
 import tempfile
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from refsim.errors import InputError
 from refsim.experiments import style
-from refsim.experiments.registry import Row, Rows
+from refsim.experiments.registry import Case, Row, Rows
 
 # Where finished rows wait for an interrupted run to go on. Not committed: a fresh checkout measures everything.
 RESUME = ".resume"
 KEY = "refsim-key"
+# A part that a killed writer left is swept when no writer can be at it any more
+PART_AGE_S = 3600.0
 
 
 def make_folder(out: Path) -> None:
@@ -81,11 +86,11 @@ def write_csv(path: Path, rows: Rows) -> Path:
     return replace_file(path, lambda part: part.write_text(text, encoding="utf-8", newline="\n"))
 
 
-def write_figure(path: Path, figure: Any, key: str, dpi: int | None = None) -> Path:
-    """Write a matplotlib figure as a PNG that carries `key`: the same rows and code give the same bytes."""
-    facts = {"Software": "refsim", KEY: key}
-    options = {"format": "png", "dpi": dpi or style.DPI, "metadata": facts}
-    return replace_file(path, lambda part: figure.savefig(part, **options))
+def figure_bytes(figure: Any, key: str, dpi: int | None = None) -> bytes:
+    """A matplotlib figure as a PNG that carries `key`: the same rows and code give the same bytes."""
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", dpi=dpi or style.DPI, metadata={"Software": "refsim", KEY: key})
+    return picture.getvalue()
 
 
 def figure_key(path: Path) -> str | None:
@@ -99,21 +104,54 @@ def figure_key(path: Path) -> str | None:
         return None
 
 
+def case_name(case: Case) -> str:
+    """The case as text, the same in every process."""
+    return json.dumps(case, sort_keys=True)
+
+
 class Journal:
-    """Rows of finished cases, kept in the resume folder until the sources or the case change."""
+    """Rows of an experiment's finished cases: a file each, `.resume/<experiment>/<digest of the case>.json`.
+
+    A file holds key, case and rows; rows count as long as `key`, the digest of the sources, does. Whoever has measured
+    a case writes its file, whole or not at all: a process may be killed at any moment, and several may write at once.
+    """
 
     def __init__(self, out: Path, experiment: str, key: str) -> None:
-        self.path, self.key = out / RESUME / f"{experiment}.json", key
-        self.cases: dict[str, Rows] = {}
-        try:
-            found = json.loads(self.path.read_text(encoding="utf-8"))
-            if found["key"] == key:
-                self.cases = found["cases"]
-        except (OSError, ValueError, KeyError, TypeError):
-            pass  # none, or damaged: measured anew
+        self.folder, self.key = out.resolve() / RESUME / experiment, key
+
+    def path(self, case: str) -> Path:
+        """Where the rows of the case are."""
+        return self.folder / f"{hashlib.sha256(case.encode()).hexdigest()[:32]}.json"
+
+    def finished(self, cases: Iterable[str]) -> dict[str, Rows]:
+        """The rows of those of the cases that are finished; files that nobody will read again are removed."""
+        self._sweep()
+        found = {case: self._rows(self.path(case)) for case in cases}
+        return {case: rows for case, rows in found.items() if rows is not None}
 
     def keep(self, case: str, rows: Rows) -> None:
-        """Adds a finished case; the file is replaced as a whole."""
-        self.cases[case] = rows
-        text = json.dumps({"key": self.key, "cases": self.cases})
-        replace_file(self.path, lambda part: part.write_text(text, encoding="utf-8"))
+        """Note a finished case."""
+        text = json.dumps({"key": self.key, "case": json.loads(case), "rows": rows})
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot write {str(self.folder)!r}: {error.strerror}") from error
+        replace_file(self.path(case), lambda part: part.write_text(text, encoding="utf-8"))
+
+    def _rows(self, path: Path) -> Rows | None:
+        """The rows in the file; None if there is none, it is of other sources, or damaged."""
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            rows = found["rows"]
+            own = found["key"] == self.key and self.path(case_name(found["case"])) == path
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        return rows if own and isinstance(rows, list) and all(isinstance(row, dict) for row in rows) else None
+
+    def _sweep(self) -> None:
+        """Remove stale and damaged rows, and what killed writers left. Other processes may be at it too."""
+        for path in [*self.folder.glob("*.json"), *self.folder.glob(".*.part")]:
+            with suppress(OSError):
+                abandoned = path.suffix == ".part" and path.stat().st_mtime < time.time() - PART_AGE_S
+                if abandoned or (path.suffix == ".json" and self._rows(path) is None):
+                    path.unlink()

@@ -17,7 +17,12 @@ EXPERIMENTS = "experiments"
 # Rooms and files that compute nothing of a row
 SILENT = {EXPERIMENTS, "oracle", "cli.py", "cli_options.py", "doctor.py", "progress.py", "image.py", "__main__.py"}
 # Modules of the room that several measurements call
-SHARED = ("runs", "pictures", "gsr_runs", "gsr_moved", "gsr_published", "bsh_runs", "bsh_small", "bsh_published")
+SHARED = (
+    "runs", "pictures", "gsr_runs", "gsr_moved", "gsr_published", "bsh_runs", "bsh_small", "bsh_published",
+    "sensitivity_frame", "sensitivity_list_runs", "equations", "hre_equations_checks", "hre_equations_spheres",
+    "hre_equations_kernels", "gsr_equations_checks", "gsr_equations_colours", "bsh_equations_lists",
+    "bsh_equations_rays", "caustic_pictures", "construction", "depth_24", "depth_24_kernels",
+)  # fmt: skip
 
 
 @cache
@@ -47,7 +52,7 @@ def _numerical() -> set[str]:
 
 def _home(work: Callable[..., object]) -> str:
     """The file that a function of the package is written in; '' for one from elsewhere."""
-    file = getattr(sys.modules[work.__module__], "__file__", None) or ""
+    file = getattr(sys.modules.get(work.__module__), "__file__", None) or ""
     return Path(file).relative_to(PACKAGE).as_posix() if file and Path(file).is_relative_to(PACKAGE) else ""
 
 

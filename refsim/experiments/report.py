@@ -68,7 +68,7 @@ def _experiment(topic: str, experiment: Experiment, outcome: Outcome) -> dict[st
         "title": experiment.title,
         "caption": experiment.caption,
         "alt": experiment.alt,
-        "picture": picture.name if picture else None,
+        "picture": picture.relative_to(outcome.out).as_posix() if picture else None,
         "command": f"refsim reproduce {topic}{quick} --only {experiment.id}",
         "timed": experiment.timed,
         "missing": _missing(tables),

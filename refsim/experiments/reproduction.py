@@ -1,124 +1,276 @@
-"""Runs experiments: measures what is not yet measured, writes tables and pictures."""
+"""Runs experiments: measures what is not yet measured, on all processors, and writes tables and pictures.
+
+    topic, ids ─▶ cases of all experiments ─▶ pool of workers ─▶ rows ─▶ tables, pictures, indices
+                      ▲                              │
+                      └── .resume: finished cases ◀──┘
+
+All cases lie in one heap: no worker waits for an experiment to end, and what an experiment writes is written as soon as
+its rows, and those it needs, are there. What is written depends neither on the number of workers nor on who is first.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from refsim.errors import InputError
-from refsim.experiments import style
+from refsim.experiments import topics
 from refsim.experiments.files import (
     Journal,
+    case_name,
     csv_text,
     figure_key,
     make_folder,
     replace_file,
     write_csv,
-    write_figure,
 )
 from refsim.experiments.fingerprint import plot_key, rows_key
+from refsim.experiments.index import write_index
+from refsim.experiments.outcome import Outcome
+from refsim.experiments.pool import checked, pool
 from refsim.experiments.registry import Experiment, Rows
-from refsim.experiments.topics import INDICES, TITLES, experiments_of
+from refsim.experiments.work import Drawing, Measurement, Task, explained
+from refsim.progress import silent
 
 if TYPE_CHECKING:
     from refsim.progress import Advance, Progress
 
-@contextmanager
-def _silent(total: float | None, description: str) -> Iterator[Advance]:
-    """Reports nothing."""
-    yield lambda steps=1: None
+# Rows that hold times lie apart: no run gives them twice
+TIMINGS = "timings"
 
 
 def reproduce(
-    topic: str,
+    topic: str | None = None,
     *,
     quick: bool = False,
-    only: str | None = None,
+    only: str | Sequence[str] | None = None,
     out: Path = Path("figures"),
     progress: Progress | None = None,
+    jobs: int | None = None,
+    backend: str = "joblib",
+    outcome: Outcome | None = None,
 ) -> Iterator[Path]:
-    """Make the topic's figures and tables in the folder `out`; yields each file as soon as it is written.
+    """Make figures and tables in the folder `out`; yields each file as soon as it is written.
 
-    `quick` takes smaller sizes, `only` one experiment. Raises `InputError` at once for a topic or experiment that does
-    not exist, and for a folder that cannot be written.
+    Args:
+        topic: its experiments; those of every topic if None.
+        quick: smaller sizes.
+        only: experiments by id, in the place of all.
+        progress: shows how far it is.
+        jobs: processes that measure at a time; 1, and that is this process, if None.
+        backend: `joblib` starts them on this machine; `dask` uses the cluster of Dask's configuration, or makes one.
+        outcome: is filled with what was found.
+
+    Raises:
+        InputError: at once for a topic, experiment, backend or number that does not exist, and for a folder that cannot
+            be written; on the way for a case that fails, named. What is finished by then is kept for the next run.
     """
-    known = experiments_of(topic)
-    if only is not None and only not in known:
-        raise InputError(f"there is no figure or table {only!r} of {topic!r}; choose from {', '.join(known)}.")
-    wanted = list(known.values()) if only is None else [known[only]]
+    asked = _asked(topic, [only] if isinstance(only, str) else only)
+    jobs = checked(jobs, backend)
     make_folder(out)
-    return _files(known, wanted, quick, out, progress or _silent, topic if only is None else None)
+    run = _Run(asked, quick, outcome or Outcome(quick, out), indices=only is None)
+    return _files(run, progress or silent, jobs, backend, complete=topic is None and only is None)
 
 
-def _files(
-    known: dict[str, Experiment],
-    wanted: list[Experiment],
-    quick: bool,
-    out: Path,
-    progress: Progress,
-    index: str | None,
-) -> Iterator[Path]:
-    measured: dict[str, Rows] = {}
-
-    def rows_of(experiment: Experiment) -> Rows:
-        if experiment.id not in measured:
-            measured[experiment.id] = measure_cases(experiment, quick, out, progress)
-        return measured[experiment.id]
-
-    for experiment in wanted:
-        rows = rows_of(experiment)
-        others = {name: rows_of(known[name]) for name in experiment.needs}
-        for stem, table in experiment.tables_of(rows, others).items():
-            yield write_csv(out / f"{stem}.csv", table)
-        if experiment.plot is not None:
-            with progress(None, f"{experiment.id}: drawing"):
-                path = draw_figure(experiment, rows, out)
-            yield path
-    if index is not None:
-        yield write_index(index, wanted, out, quick)
+def _asked(topic: str | None, only: Sequence[str] | None) -> dict[str, list[Experiment]]:
+    """Topic -> the experiments whose files are asked for."""
+    known = {name: topics.experiments_of(name) for name in (topics.TOPICS if topic is None else (topic,))}
+    names = [name for own in known.values() for name in own]
+    for name in only or ():
+        if name not in names:
+            place = "" if topic is None else f" of {topic!r}"
+            raise InputError(f"there is no figure or table {name!r}{place}; choose from {', '.join(names)}.")
+    return {name: [e for e in own.values() if only is None or e.id in only] for name, own in known.items()}
 
 
-def measure_cases(experiment: Experiment, quick: bool, out: Path, progress: Progress) -> Rows:
-    """Rows of all cases in order; those in the journal are not measured again."""
-    cases = experiment.cases(quick)
-    journal = Journal(out, experiment.id, rows_key(experiment))
-    rows: Rows = []
-    with progress(len(cases), experiment.id) as advance:
-        for case in cases:
-            name = json.dumps(case, sort_keys=True)
-            if name not in journal.cases:
-                journal.keep(name, experiment.measure(**case))
-            rows += journal.cases[name]
-            advance(1)
-    return rows
+def _files(run: _Run, progress: Progress, jobs: int, backend: str, complete: bool) -> Iterator[Path]:
+    with progress(run.total, "") as advance:
+        advance(run.count)
+        yield from run.ready()
+        if run.heap.waiting():
+            with pool(min(jobs, run.heap.waiting()), backend) as (executor, width):
+                yield from _work(run, executor, width, advance)
+        # Alone: nothing else runs on the machine now
+        run.add_timed()
+        with pool(1, "joblib") as (executor, width):
+            yield from _work(run, executor, width, advance)
+    run.outcome.complete = complete
 
 
-def draw_figure(experiment: Experiment, rows: Rows, out: Path) -> Path:
-    """The picture of the rows, drawn unless it is there already."""
-    assert experiment.plot is not None
-    path = out / f"{experiment.id}.png"
-    key = plot_key(experiment, csv_text(rows))
-    if figure_key(path) == key:
+def _work(run: _Run, executor: Executor, width: int, advance: Advance) -> Iterator[Path]:
+    """Have everything in the heap done; the executor does `width` tasks at a time, and finds the next ones waiting."""
+    flying: dict[Future[Any], Task] = {}
+    while flying or run.heap.waiting():
+        while run.heap.waiting() and len(flying) < (2 * width if width > 1 else 1):
+            task = run.heap.take(flying.values())
+            # First come, first served: the oldest are those at work
+            advance(0, doing=_doing(run, [*flying.values(), task][:width]))
+            flying[executor.submit(task)] = task
+        done = wait(flying, return_when=FIRST_COMPLETED).done
+        for future in [future for future in flying if future in done]:
+            result = _result(future, [task.full_name for task in flying.values()][:width])
+            task = flying.pop(future)
+            yield from run.receive(task, result)
+            advance(isinstance(task, Measurement), doing=_doing(run, list(flying.values())[:width]))
+
+
+def _result(future: Future[Any], at_work: list[str]) -> Any:
+    try:
+        return future.result()
+    except InputError:
+        raise
+    except Exception as error:  # the pool's own: the task's are sentences
+        raise InputError(
+            f"a worker was lost ({type(error).__name__}) while this was worked at: {'; '.join(at_work)}. What is "
+            "finished is kept: run again, with fewer jobs if memory ran out."
+        ) from error
+
+
+def _doing(run: _Run, tasks: list[Task]) -> str:
+    names = list(dict.fromkeys(task.name for task in tasks))
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return f"{run.rows_found:,} rows; {', '.join(names[:3])}{more}"
+
+
+class _Heap:
+    """What is still to do: pictures first, then cases in order, of all topics by turns.
+
+    Experiments of one topic run the same kernels. Two workers that begin at one topic would compile each of them twice.
+    """
+
+    def __init__(self) -> None:
+        self.drawings: deque[Drawing] = deque()
+        self.cases: dict[str, deque[Measurement]] = {}
+        self.topic_of = {experiment.id: name for name, own in topics.TOPICS.items() for experiment in own}
+
+    def add(self, task: Task) -> None:
+        """At the end of its queue."""
+        if isinstance(task, Drawing):
+            self.drawings.append(task)
+        else:
+            self.cases.setdefault(self.topic_of[task.experiment.id], deque()).append(task)
+
+    def waiting(self) -> int:
+        """How many tasks are in the heap."""
+        return len(self.drawings) + sum(len(own) for own in self.cases.values())
+
+    def take(self, flying: Iterable[Task]) -> Task:
+        """The next one: a picture, or a case of the topic that the fewest workers are at."""
+        if self.drawings:
+            return self.drawings.popleft()
+        busy = [self.topic_of[task.experiment.id] for task in flying if isinstance(task, Measurement)]
+        return self.cases[min((name for name, own in self.cases.items() if own), key=busy.count)].popleft()
+
+
+class _Run:
+    """What is asked for, what is found, and what is written."""
+
+    def __init__(self, asked: dict[str, list[Experiment]], quick: bool, outcome: Outcome, indices: bool) -> None:
+        self.asked, self.outcome, self.heap = asked, outcome, _Heap()
+        self.unwritten = [experiment for own in asked.values() for experiment in own]
+        self.unindexed = [name for name, own in asked.items() if own] if indices else []
+        self.written: set[str] = set()
+        known = {experiment.id: experiment for own in topics.TOPICS.values() for experiment in own}
+        names = {name for e in self.unwritten for name in (e.id, *e.needs)}
+        self.needed = {name: experiment for name, experiment in known.items() if name in names}
+        self.cases = {name: [case_name(case) for case in e.cases(quick)] for name, e in self.needed.items()}
+        self.journals = {name: Journal(outcome.out, name, rows_key(e)) for name, e in self.needed.items()}
+        self.found = {name: journal.finished(self.cases[name]) for name, journal in self.journals.items()}
+        for name, experiment in self.needed.items():
+            self.journals[name].folder.mkdir(parents=True, exist_ok=True)
+            if not experiment.timed:
+                self._add(experiment)
+
+    def _add(self, experiment: Experiment) -> None:
+        for case in dict.fromkeys(self.cases[experiment.id]):
+            if case not in self.found[experiment.id]:
+                self.heap.add(Measurement(experiment, case, self.journals[experiment.id]))
+
+    def add_timed(self) -> None:
+        """Put the cases of timed experiments in the heap."""
+        for experiment in self.needed.values():
+            if experiment.timed:
+                self._add(experiment)
+
+    @property
+    def total(self) -> int:
+        """Cases, finished or not."""
+        return sum(len(set(cases)) for cases in self.cases.values())
+
+    @property
+    def count(self) -> int:
+        """Cases that are finished."""
+        return sum(len(cases) for cases in self.found.values())
+
+    @property
+    def rows_found(self) -> int:
+        """Rows of all finished cases."""
+        return sum(len(rows) for cases in self.found.values() for rows in cases.values())
+
+    def receive(self, task: Task, result: Any) -> Iterator[Path]:
+        """Take what a worker has found, and write what can be written now."""
+        name = task.experiment.id
+        if isinstance(task, Drawing):
+            yield self._drawn(task.experiment, replace_file(self._picture(task.experiment), _writer(result)))
+        else:
+            rows = json.loads(result)
+            if not task.journal.path(task.case).exists():
+                task.journal.keep(task.case, rows)
+            self.found[name][task.case] = rows
+        yield from self.ready()
+
+    def ready(self) -> Iterator[Path]:
+        """Write tables of the experiments whose rows are there, have their pictures drawn, and write full indices."""
+        for experiment in [e for e in self.unwritten if all(self._complete(name) for name in (e.id, *e.needs))]:
+            self.unwritten.remove(experiment)
+            yield from self._tables(experiment)
+        for topic in [name for name in self.unindexed if all(e.id in self.written for e in self.asked[name])]:
+            self.unindexed.remove(topic)
+            tables = {e.id: [self._folder(e) / f"{stem}.csv" for stem in self.outcome.tables[e.id]]
+                      for e in self.asked[topic]}  # fmt: skip
+            yield write_index(topic, self.asked[topic], tables, self.outcome)
+
+    def _complete(self, name: str) -> bool:
+        return len(self.found[name]) == len(set(self.cases[name]))
+
+    def _rows(self, name: str) -> Rows:
+        """All rows of an experiment, in the order of its cases."""
+        self.outcome.cases[name] = {case: self.found[name][case] for case in self.cases[name]}
+        return [row for case in self.cases[name] for row in self.found[name][case]]
+
+    def _folder(self, experiment: Experiment) -> Path:
+        return self.outcome.out / TIMINGS if experiment.timed else self.outcome.out
+
+    def _picture(self, experiment: Experiment) -> Path:
+        return self._folder(experiment) / f"{experiment.id}.png"
+
+    def _drawn(self, experiment: Experiment, path: Path) -> Path:
+        self.written.add(experiment.id)
+        self.outcome.pictures[experiment.id] = path
         return path
-    with style.styled():
-        return write_figure(path, experiment.plot(rows), key, experiment.dpi)
+
+    def _tables(self, experiment: Experiment) -> Iterator[Path]:
+        rows, others = self._rows(experiment.id), {name: self._rows(name) for name in experiment.needs}
+        with explained(f"the tables of {experiment.id}"):
+            tables = dict(experiment.tables_of(rows, others))
+        self.outcome.tables[experiment.id] = tables
+        self._folder(experiment).mkdir(exist_ok=True)
+        for stem, table in tables.items():
+            yield write_csv(self._folder(experiment) / f"{stem}.csv", table)
+        if experiment.plot is None:
+            self.written.add(experiment.id)
+            return
+        drawn = experiment.drawn_rows(rows, tables)
+        key = plot_key(experiment, csv_text(drawn))
+        if figure_key(self._picture(experiment)) == key:
+            yield self._drawn(experiment, self._picture(experiment))
+        else:
+            self.heap.add(Drawing(experiment, drawn, key))
 
 
-def write_index(topic: str, wanted: list[Experiment], out: Path, quick: bool = False) -> Path:
-    """The topic's index: what there is, and how to read it."""
-    size = " --quick" if quick else ""
-    made = f"Made by `refsim reproduce {topic}{size}`" + (": smaller than the full ones." if quick else ".")
-    lines = [f"# {TITLES[topic]}: figures and tables", "", made, ""]
-    for experiment in wanted:
-        lines += [f"## {experiment.title}", ""]
-        if experiment.plot is not None:
-            lines += [f"![{experiment.title}]({experiment.id}.png)", ""]
-        tables = sorted(path.name for path in out.glob(f"{experiment.id}*.csv"))
-        files = ", ".join(f"[{name}]({name})" for name in tables)
-        alone = f"`refsim reproduce {topic}{size} --only {experiment.id}`"
-        lines += [experiment.caption, "", f"Data: {files}. Alone: {alone}.", ""]
-    text = "\n".join(lines)
-    return replace_file(out / INDICES[topic], lambda part: part.write_text(text, encoding="utf-8"))
+def _writer(content: bytes) -> Any:
+    return lambda part: part.write_bytes(content)

@@ -6,6 +6,7 @@ from refsim.errors import InputError
 from refsim.experiments import (
     bsh_claims,
     bsh_compared,
+    bsh_equations,
     bsh_figure_1,
     bsh_figure_2,
     bsh_figure_3,
@@ -19,15 +20,22 @@ from refsim.experiments import (
     bsh_table_2,
     bsh_table_3,
     bsh_threshold,
+    cost_model,
     cover,
+    depth_24,
+    depth_24_sheets,
     draw_stages,
     errata,
     figure_1,
+    figure_2,
+    figure_3,
     figure_4,
     figure_5,
     figure_6,
     figure_7,
+    glass_mirrors,
     gsr_claims,
+    gsr_equations,
     gsr_errata,
     gsr_figure_1,
     gsr_figure_3,
@@ -37,9 +45,20 @@ from refsim.experiments import (
     gsr_table_1,
     gsr_table_2,
     gsr_table_3,
+    hre_behind_glass,
+    hre_caustics,
     hre_claims,
+    hre_equations,
+    sensitivity,
+    sensitivity_grid,
+    sensitivity_hierarchy,
+    sensitivity_lists,
+    sensitivity_nodes,
+    shoot_out,
+    shoot_out_speed,
     tightest_cone,
     tile_size,
+    tiles_16,
 )
 from refsim.experiments.registry import Experiment
 
@@ -48,26 +67,33 @@ TOPICS: dict[str, tuple[Experiment, ...]] = {
     "hre": tuple(
         module.EXPERIMENT
         for module in (
-            cover, figure_1, figure_4, figure_5, figure_6, figure_7, tile_size, tightest_cone, errata, hre_claims,
+            cover, figure_1, figure_2, figure_3, figure_4, figure_5, figure_6, figure_7, tile_size, tiles_16,
+            tightest_cone, glass_mirrors, depth_24, depth_24_sheets, errata, hre_equations,
+            hre_behind_glass, hre_caustics, hre_claims,
         )
     ),
     "gsr": tuple(
         module.EXPERIMENT
         for module in (
             gsr_figure_1, gsr_figure_3, gsr_figure_4, gsr_table_1, gsr_table_2, gsr_table_3, gsr_errata, gsr_order,
-            gsr_moving_light, gsr_claims,
+            gsr_moving_light, gsr_equations, gsr_claims,
         )
     ),
     "bsh": tuple(
         module.EXPERIMENT
         for module in (
             bsh_figure_1, bsh_figure_2, bsh_figure_3, bsh_figure_4, bsh_table_1, bsh_table_2, bsh_table_3, bsh_growth,
-            bsh_histogram, bsh_threshold, bsh_holes, bsh_lists, bsh_locality, bsh_compared, bsh_claims,
+            bsh_histogram, bsh_threshold, bsh_holes, bsh_lists, bsh_locality, bsh_compared, bsh_equations,
+            bsh_claims,
         )
     ),
     "pipeline": (draw_stages.EXPERIMENT,),
     # What compares the papers; experiments of this topic may need those of any other
-    "across": (),
+    "across": (
+        shoot_out.EXPERIMENT, shoot_out_speed.EXPERIMENT, sensitivity_hierarchy.EXPERIMENT,
+        sensitivity_nodes.EXPERIMENT, sensitivity_grid.EXPERIMENT, sensitivity_lists.EXPERIMENT, sensitivity.EXPERIMENT,
+        cost_model.EXPERIMENT,
+    ),
 }  # fmt: skip
 TITLES = {
     "hre": "The Hierarchical Ray Engine (Szécsi, WSCG 2006)",

@@ -1,9 +1,10 @@
-"""The disk cache of clones: numba's, with three changes, and pruning.
+"""The disk cache of clones: numba's, with four changes, and pruning.
 
 - The index is keyed by argument types and CPU alone: all else is in the clone's name.
 - Each data file has a name of its own, so that two processes which compile one clone for different argument types at
   once cannot pair one's index with the other's code.
 - What cannot be read is compiled anew, and what cannot be written (full disk) is not: a cache may be slow, not fatal.
+- Of several processes that want one clone at once, one compiles it and the others wait for its file.
 
 Clones pile up (65 KB each): whoever adds one removes those unused for `MAX_AGE_DAYS` and all but the `MAX_CLONES` used
 last in that directory. A hit touches the index file, so its time is that of the last use. Where the installation is
@@ -18,6 +19,8 @@ import uuid
 from typing import Any
 
 from numba.core.caching import FunctionCache
+
+from refsim.jit.turns import end_turn, take_turn
 
 MARK = "_refsim_"
 MAX_AGE_DAYS = 30.0
@@ -38,6 +41,16 @@ class CloneCache(FunctionCache):  # type: ignore[misc]
         return sig, codegen.magic_tuple()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
+        found = self._load(sig, target_context)
+        if found is None:
+            take_turn(self.cache_path, self._cache_file._index_name)
+            # Another process may have had it meanwhile. What is still lacking is compiled now, and saved in this turn.
+            found = self._load(sig, target_context)
+            if found is not None:
+                end_turn()
+        return found
+
+    def _load(self, sig: Any, target_context: Any) -> Any:
         try:
             found = super().load_overload(sig, target_context)
         except Exception:  # unpickling a damaged file may raise anything
@@ -52,6 +65,7 @@ class CloneCache(FunctionCache):  # type: ignore[misc]
     def save_overload(self, sig: Any, data: Any) -> None:
         with contextlib.suppress(OSError):
             super().save_overload(sig, data)
+        end_turn()
         prune(self.cache_path)
 
 

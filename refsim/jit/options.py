@@ -15,6 +15,7 @@ from numba.core.registry import CPUDispatcher
 
 from refsim.errors import InputError
 from refsim.jit.names import SCALARS, spell
+from refsim.jit.turns import ended_on_error
 
 
 class StrictCompiler(Compiler):  # type: ignore[misc]
@@ -25,7 +26,7 @@ class StrictCompiler(Compiler):  # type: ignore[misc]
     """
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
-        with warnings.catch_warnings():
+        with ended_on_error(), warnings.catch_warnings():
             warnings.simplefilter("error", NumbaPerformanceWarning)
             warnings.simplefilter("error", NumbaExperimentalFeatureWarning)
             try:

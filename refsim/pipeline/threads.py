@@ -6,20 +6,20 @@ threads.
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numba import config
 
 from refsim.errors import InputError
 from refsim.pipeline.compile_errors import COMPILE_ERRORS, lacks_attribute, lacks_return, refusal
 
 
 def default_threads() -> int:
-    """The processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """The processors this process may use, or as many of them as NUMBA_NUM_THREADS says."""
+    return int(config.NUMBA_NUM_THREADS)
 
 
 @lru_cache(maxsize=8)

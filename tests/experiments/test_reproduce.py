@@ -3,14 +3,20 @@
 - Every experiment writes its CSV, and a PNG unless it is a table of verdicts; the index names them.
 - Two runs in two folders give the same bytes.
 - A run that is interrupted between cases goes on behind the last finished one; a second run measures nothing.
-- Rows are measured again when the code that computes them, or the case, has changed; a damaged journal is no journal.
+- Rows are measured again when the code that computes them, or the case, has changed; damaged rows are no rows, of that
+  case alone; what is stale is swept.
 - An interrupted write leaves the older file and no other; a picture is drawn again only for other rows.
-- Unknown papers and experiments, and a folder that cannot be written, are refused before anything is measured.
+- Experiments of several topics may be chosen; without a topic there are all.
+- Unknown papers, experiments, backends and numbers, and a folder that cannot be written, are refused before anything is
+  measured.
 """
 
 from __future__ import annotations
 
 import json
+import os
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,12 +24,16 @@ import pytest
 from PIL import Image
 
 from refsim.errors import InputError
-from refsim.experiments import files, reproduce, reproduction, topics
+from refsim.experiments import files, reproduce, topics
 from tests.experiments.tiny import TINY
 
 
 def written(out: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(out.iterdir()) if path.is_file()}
+
+
+def journal_files(out: Path) -> list[Path]:
+    return sorted((out / files.RESUME / "figure-7").glob("*.json"))
 
 
 @pytest.fixture
@@ -82,13 +92,39 @@ def test_interrupted_run_goes_on(counted, tmp_path: Path, monkeypatch: pytest.Mo
     assert len(counted) == 5 and written(tmp_path)["figure-7.csv"] == whole
 
 
-@pytest.mark.parametrize("damage", ["", "{", '{"key": "other", "cases": {}}', "[]"])
-def test_stale_or_damaged_journal_is_no_journal(damage: str, counted, tmp_path: Path) -> None:
+@pytest.mark.parametrize("damage", ["", "{", "[]", '{"key": "other"}', "key", "case", "rows", "row"])
+def test_stale_or_damaged_rows_are_no_rows(damage: str, counted, tmp_path: Path) -> None:
     list(reproduce("hre", out=tmp_path))
-    journal = tmp_path / files.RESUME / "figure-7.json"
-    journal.write_text(damage)
+    whole = written(tmp_path)
+    path, other, *_ = journal_files(tmp_path)
+    found = json.loads(path.read_text())
+    changes = {
+        "key": {**found, "key": "0" * 32}, "case": json.loads(other.read_text()), "rows": {**found, "rows": None},
+        "row": {**found, "rows": [7]},
+    }  # fmt: skip
+    path.write_text(json.dumps(changes[damage]) if damage in changes else damage)
     list(reproduce("hre", out=tmp_path))
-    assert len(counted) == 10
+    assert [case["size_px"] for case in counted[5:]] == [found["case"]["size_px"]]
+    assert written(tmp_path) == whole and json.loads(path.read_text()) == found
+
+
+def test_what_nobody_reads_again_is_swept(counted, tmp_path: Path) -> None:
+    list(reproduce("hre", out=tmp_path))
+    files_there = journal_files(tmp_path)
+    folder = files_there[0].parent
+    stale, quick, old, young = (folder / name for name in ("a.json", "b.json", ".a.json.x.part", ".b.json.y.part"))
+    found = json.loads(files_there[0].read_text())
+    stale.write_text(json.dumps({**found, "key": "0"}))
+    # Rows of another size of run stay: its cases are others, its sources the same
+    journal = files.Journal(tmp_path, "figure-7", found["key"])
+    quick = journal.path(files.case_name({"size_px": 99}))
+    journal.keep(files.case_name({"size_px": 99}), [])
+    for part, age in ((old, files.PART_AGE_S + 60), (young, 0.0)):
+        part.touch()
+        os.utime(part, (time.time() - age,) * 2)
+    list(reproduce("hre", out=tmp_path))
+    assert (stale.exists(), quick.exists(), old.exists(), young.exists()) == (False, True, False, True)
+    assert len(counted) == 5
 
 
 def test_changed_code_is_measured_again(counted, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,8 +136,10 @@ def test_changed_code_is_measured_again(counted, tmp_path: Path, monkeypatch: py
     list(reproduce("hre", out=tmp_path))
     assert len(counted) == 10
     monkeypatch.setattr(fingerprint, "_sources", lambda: {**sources, "cli.py": "changed"})
-    journal = json.loads((tmp_path / files.RESUME / "figure-7.json").read_text())
-    assert fingerprint.rows_key(TINY["figure-7"]) != journal["key"]
+    list(reproduce("hre", out=tmp_path))
+    assert len(counted) == 15  # as it was: not changed any more
+    list(reproduce("hre", out=tmp_path))
+    assert len(counted) == 15
 
 
 def test_fingerprint_sees_the_numerical_rooms() -> None:
@@ -125,20 +163,18 @@ def test_interrupted_write_leaves_the_older_file(tmp_path: Path, monkeypatch: py
     assert written(tmp_path) == {"table.csv": b"a\n1\n"}
 
 
-def test_picture_is_drawn_for_other_rows_only(tmp_path: Path) -> None:
-    drawn = []
+def test_picture_is_drawn_for_other_rows_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn, cases = [], TINY["errata"].cases(True)
 
     def plot(rows):
-        drawn.append(rows)
+        drawn.append(len(rows))
         return TINY["errata"].plot(rows)
 
-    experiment = replace(TINY["errata"], plot=plot)
-    rows = [row for case in experiment.cases(True)[:3] for row in experiment.measure(**case)]
-    reproduction.draw_figure(experiment, rows, tmp_path)
-    reproduction.draw_figure(experiment, rows, tmp_path)
-    assert len(drawn) == 1
-    reproduction.draw_figure(experiment, rows[:-1], tmp_path)
-    assert len(drawn) == 2
+    for size in (4, 4, 3):
+        experiment = replace(TINY["errata"], plot=plot, cases=lambda quick, size=size: cases[:size])
+        monkeypatch.setattr(topics, "TOPICS", {"hre": (experiment,)})
+        assert tmp_path / "errata.png" in list(reproduce("hre", out=tmp_path))
+    assert len(drawn) == 2 and drawn[0] > drawn[1]
 
 
 def test_csv_reads_back(tmp_path: Path) -> None:
@@ -157,6 +193,32 @@ def test_unknown_names_are_refused(paper, only, names, counted, tmp_path: Path) 
         reproduce(paper, only=only, out=tmp_path / "out")
     assert all(name in str(refusal.value) for name in names)
     assert counted == [] and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("options", [{"jobs": 0}, {"jobs": -1}, {"jobs": 1.5}, {"jobs": True}, {"backend": "threads"}])
+def test_numbers_and_backends_that_do_not_exist_are_refused(options, counted, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=str(next(iter(options.values())))):
+        reproduce("hre", out=tmp_path / "out", **options)
+    assert counted == [] and not (tmp_path / "out").exists()
+
+
+def test_dask_that_is_not_installed_is_named(counted, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"refsim\[dask\]"):
+        reproduce("hre", out=tmp_path / "out", backend="dask")
+
+
+def test_several_experiments_of_several_topics(counted, tmp_path: Path) -> None:
+    (first,) = topics.TOPICS["hre"]
+    second, third = (replace(first, id=name, title=name) for name in ("gsr-x", "gsr-y"))
+    topics.TOPICS["gsr"] = (second, third)
+    list(reproduce(only=["gsr-y", "figure-7"], out=tmp_path / "some"))
+    assert set(written(tmp_path / "some")) == {"gsr-y.csv", "figure-7.csv"}
+    list(reproduce("gsr", out=tmp_path / "one"))
+    assert set(written(tmp_path / "one")) == {"gsr-x.csv", "gsr-y.csv", "index-gsr.md"}
+    list(reproduce(out=tmp_path / "all"))
+    names = {"gsr-x.csv", "gsr-y.csv", "figure-7.csv", "index.md", "index-gsr.md"}
+    assert set(written(tmp_path / "all")) == names
 
 
 def test_folder_that_is_a_file_is_refused(counted, tmp_path: Path) -> None:
