@@ -158,7 +158,7 @@ def _box(axes: Any, x: float, y: float, width: float, title: str, text: str, col
     from matplotlib.patches import FancyBboxPatch
 
     shape = "round,pad=0,rounding_size=1.6" if rounded else "square,pad=0"
-    edge = {"edgecolor": color, "facecolor": "white", "linewidth": 1.6, "mutation_aspect": 0.06}
+    edge: Any = {"edgecolor": color, "facecolor": "white", "linewidth": 1.6, "mutation_aspect": 0.06}
     axes.add_patch(FancyBboxPatch((x, y + 0.16), width, 0.68, shape, **edge))
     axes.text(x + width / 2, y + 0.70, title, ha="center", va="center", fontsize=8.5, fontweight="bold")
     axes.text(x + width / 2, y + 0.40, text, ha="center", va="center", fontsize=7.5)

@@ -3,9 +3,6 @@
 - Rules (hypothesis): the order of rows does not matter but to `grows`; evidence that holds everywhere is reproduced,
   nowhere contradicted; a wider tolerance never takes a verdict away; what is open decides where rows disagree.
 - A table of rule, evidence and verdict at the borders of each rule.
-- The files: every part of each paper's inventory has a claim; a claim that lacks what its rule needs, an unknown rule
-  or field, a claim that stands twice, an inventory that is not covered are refused, each in one sentence.
-- Rows are selected by values, lists, beginnings, largest and smallest; missing meshes and stand-ins are no evidence.
 - An accepted run has no differences; one counter shifted by one, one verdict changed, one experiment removed, one case
   left out have; a mesh that is missing is not compared, and says so.
 """
@@ -20,9 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from refsim.errors import InputError
-from refsim.experiments import ledger, ledger_committed, ledger_file, topics
-from refsim.experiments.ledger_evidence import evidence_of
+from refsim.experiments import ledger, ledger_committed, topics
 from refsim.experiments.ledger_file import Claim, read_paper
 from refsim.experiments.ledger_rules import (
     CONTRADICTED,
@@ -34,13 +29,11 @@ from refsim.experiments.ledger_rules import (
     RULES,
     TREND,
     UNSAID,
-    VERDICTS,
 )
 from refsim.experiments.outcome import Outcome
 from refsim.experiments.registry import Experiment
+from tests.experiments.ledger_cases import FILE, NUMBER
 
-NUMBER = Claim("x", "hre", "section 1", "number", "ten", "equals", "e", "e", value="v", printed=10.0, tolerance=0.1,
-               reason="a digit")  # fmt: skip
 VALUES = st.lists(st.floats(0.1, 100.0), min_size=1, max_size=8)
 WORDS = st.lists(st.sampled_from(("holds", "depends", "fails")), min_size=1, max_size=8)
 
@@ -145,105 +138,6 @@ def test_proportional_pairs_follow(printed, factor) -> None:
 )  # fmt: skip
 def test_borders_of_each_rule(changes, values, expected) -> None:
     assert verdict(replace(NUMBER, **changes), values) == expected
-
-
-def test_every_rule_is_tried_and_used() -> None:
-    used = {claim.rule for paper in ledger_file.papers().values() for claim in paper.claims}
-    assert used <= set(RULES)
-    assert {verdict for verdict in VERDICTS if verdict not in (HARDWARE, MISSING_MESH, UNSAID)} == {
-        REPRODUCED, TREND, CORRECTED, CONTRADICTED,
-    }  # fmt: skip
-
-
-@pytest.mark.parametrize("name", ledger_file.PAPERS)
-def test_inventory_is_complete(name: str) -> None:
-    paper = read_paper(ledger_file.FOLDER / f"{name}.toml")
-    kinds = {kind for kind, _ in paper.inventory}
-    assert {"figure", "equation"} <= kinds and len(paper.claims) > 40
-    for claim in paper.claims:
-        assert claim.says and claim.place, claim.name
-        assert claim.rule not in ("unsaid", "left open") or claim.open, claim.name
-
-
-TWIN = """
-[[claim]]
-id = "a"
-place = "section 1"
-kind = "number"
-says = "s"
-rule = "unsaid"
-"""
-FILE = """
-[paper]
-title = "T"
-authors = "A"
-venue = "V"
-year = 2000
-figures = ["Figure 1"]
-
-[[claim]]
-id = "a"
-item = "Figure 1"
-place = "Figure 1"
-kind = "figure"
-says = "a figure"
-experiment = "e"
-table = "e"
-value = "v"
-rule = "equals"
-printed = 3
-"""
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ('item = "Figure 1"', "", "no claim on Figure 1"),
-        ('rule = "equals"', 'rule = "magic"', "no rule 'magic'"),
-        ('value = "v"', "", "reads a table"),
-        ('kind = "figure"', 'kind = "poem"', "kind 'poem'"),
-        ('place = "Figure 1"', 'plaice = "Figure 1"', "unknown fields plaice"),
-        ("printed = 3", "printed = 3\ntolerance = 0.5", "no reason"),
-        ("printed = 3", "printed = ", "cannot be read"),
-        ("year = 2000", "", "cannot be read"),
-        ("printed = 3\n", f"printed = 3\n{TWIN}", "stands twice"),
-    ],
-)  # fmt: skip
-def test_mistakes_in_a_file_are_refused(old: str, new: str, words: str, tmp_path: Path) -> None:
-    path = tmp_path / "paper.toml"
-    path.write_text(FILE)
-    assert len(read_paper(path).claims) == 1
-    path.write_text(FILE.replace(old, new))
-    with pytest.raises(InputError, match=words):
-        read_paper(path)
-
-
-ROWS = [
-    {"scene": "blob_100", "n": 100, "v": 1.0, "p": 2.0},
-    {"scene": "blob_200", "n": 200, "v": 3.0, "p": 4.0},
-    {"scene": "bunny", "n": "missing", "v": "", "p": 6.0},
-    {"scene": "buddha", "n": 300, "v": 9.0, "p": "NA", "mesh": "a stand-in, not the paper's mesh"},
-]
-
-
-@pytest.mark.parametrize(
-    ("where", "changes", "values", "missing"),
-    [
-        ({}, {}, [1.0, 3.0], 2),
-        ({"scene": "blob_200"}, {}, [3.0], 0),
-        ({"scene": "blob*"}, {}, [1.0, 3.0], 0),
-        ({"scene": ["bunny", "blob_1*"]}, {}, [1.0], 1),
-        ({"scene": "blob*", "n": "@largest"}, {}, [3.0], 0),
-        ({"n": "@smallest"}, {}, [1.0], 0),
-        ({"scene": "knot"}, {}, [], 0),
-        ({}, {"printed": "@p"}, [[1.0, 2.0], [3.0, 4.0]], 2),
-        ({}, {"value": ["v", "n"]}, [[1.0, 100], [3.0, 200]], 2),
-        ({}, {"value": "w"}, [], 2),
-    ],
-)
-def test_rows_are_selected(where, changes, values, missing) -> None:
-    found = evidence_of(replace(NUMBER, where=where, **changes), {"e": ROWS})
-    assert (found.values, found.missing) == (values, missing)
 
 
 @pytest.fixture
