@@ -61,6 +61,9 @@ __all__ = [
 def trace(method: str, scene: Any, rays: Any, **options: Any) -> Any:
     """Shoots `rays` at `scene` (a `Scene` or a name) with `method` and follows every path; returns a `Trace`.
 
+    `rays` is a `Rays` of at least one ray; rows of the trace's arrays are these rays, or with methods that follow trees
+    the rays of each generation in the order of their buffer.
+
     `refsim.METHODS[method].options` lists the options, each with its default and a sentence. Raises `InputError` for
     an unknown method, option or value.
     """

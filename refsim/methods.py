@@ -62,7 +62,10 @@ ENGINE = (
 
 @dataclass(frozen=True)
 class Method:
-    """`run(scene, rays, options)` traces on the pipeline, `run_numpy` in the reference."""
+    """A way of tracing: `run(scene, rays, options)` traces on the pipeline, `run_numpy` in the reference.
+
+    Both return a `Trace`; `options` holds a checked value for every option of `options`, by name.
+    """
 
     name: str
     sentence: str
@@ -211,10 +214,12 @@ def render(
     environment: Any = None,
     **options: Any,
 ) -> Image:
-    """A picture of `scene`: camera rays, `trace`, and what each path's last ray sees.
+    """A picture of `scene`, width × height pixels: camera rays, `trace`, and what each path's last ray sees.
 
-    `view`, `fov`, `fill` as `refsim.camera_rays`; `environment` is a name, an image file or an
-    `refsim.scene.environment.Environment` (default: the scene's). Other options are the method's.
+    `view`, `fov` (degrees), `fill` as `refsim.camera_rays`; `environment` is a name, an image file or an
+    `refsim.scene.environment.Environment` (default: the scene's). Other options are the method's. Returns an `Image`:
+    `rgb` f32[height, width, 3], linear light, row 0 at the top, and the `Trace`. Raises `InputError` as `trace` does,
+    and for an environment where the method sees a background of one colour.
     """
     chosen = method_named(method)
     checked(method, chosen.options, options)

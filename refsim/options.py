@@ -14,7 +14,7 @@ from refsim.errors import InputError
 
 @dataclass(frozen=True)
 class Option:
-    """`check(value)` returns the value to use or raises `InputError`."""
+    """An option of a method: `check(value)` returns the value to use or raises `InputError`."""
 
     name: str
     default: Any

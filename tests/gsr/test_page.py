@@ -44,7 +44,7 @@ def rows(*heads: str) -> list[list[str]]:
 @cache
 def program(folder: Path) -> dict[str, Any]:
     """The names that the page's code blocks define, run in order from a file."""
-    text = "\n".join(re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
+    text = "\n".join(re.findall(r"^```python[^\n]*\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
     script = folder / "page.py"
     script.write_text(text, encoding="utf-8")
     names: dict[str, Any] = {"__name__": "page"}

@@ -15,7 +15,7 @@ PAGE = (ROOT / "docs" / "conventions.md").read_text(encoding="utf-8")
 def program() -> dict[str, Any]:
     """The names that the page's code blocks define, run in order."""
     names: dict[str, Any] = {"__name__": "conventions"}
-    for block in re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL):
+    for block in re.findall(r"^```python[^\n]*\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL):
         exec(compile(block, "docs/conventions.md", "exec", dont_inherit=True), names)
     return names
 

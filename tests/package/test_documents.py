@@ -56,8 +56,8 @@ def test_continuous_integration_runs_the_readme() -> None:
     listed = subprocess.run(["bash", ".ci/run", "--list"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     main_job, tests = listed.splitlines()
     assert [block.strip() for block in blocks("sh")[:2]] == [main_job, tests]
-    setup = "python3 -m venv .venv && .venv/bin/pip install "
-    assert main_job == f"{setup}. && .venv/bin/refsim reproduce hre --quick"
+    setup = "python3 -m venv .venv && .venv/bin/pip install -e "
+    assert main_job == f"{setup}. && .venv/bin/refsim reproduce --quick"
     assert tests == f"{setup}'.[test]' && .venv/bin/python -m pytest -n auto --maxprocesses 8 --dist loadfile"
 
 
