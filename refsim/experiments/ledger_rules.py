@@ -123,7 +123,7 @@ def _any_verdict(claim: Claim, values: Values) -> Finding:
 
 def _left_open(claim: Claim, values: Values) -> Finding:
     """What the paper leaves open matters where a line says that it does not and fails."""
-    good = [value == "holds" for value in values]
+    good = [value in ("holds", "yes") for value in values]
     measured = f"it does not matter in {sum(good)} of {len(good)}"
     if all(good):
         return Finding(REPRODUCED, measured, "what is left open does not matter")
