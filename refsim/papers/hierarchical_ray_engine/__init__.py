@@ -10,7 +10,9 @@ Where the paper's parts are
     4    cone–sphere test  `refsim.geometry.cone.meets_sphere`
     4    vertex layout  `vertices.TriangleVertex`
     5    a stencil bit a generation  `tracer.stencil_state`, `passes`
+    5    final rays against non-ideal geometry  `non_ideal`, rule "final_rays"; corrected: rule "nearest"
     9    environment for rays that hit nothing  `refsim.shading`
+    9    future work: non-ideal objects, caustics  `non_ideal.trace_non_ideal`, `caustics.caustic`
 
 Symbols
     a apex, x axis, φ half of the opening angle: `Cone(apex, axis, cos, sin)`     r direction and p origin of a ray
@@ -28,6 +30,8 @@ Deviations, beside the errata HRE-E1…E7 (`refsim.geometry.cone.Printed`, optio
     - All rays are traced, eye rays included; the paper takes the first hits from rasterisation (section 3).
     - Ideal and non-ideal triangles share a pass: a ray that ends on a diffuse surface sets its stencil bit, so its
       pixel is shaded once more, with a dead ray.
+    - `non_ideal` draws the two apart. Final rays alone, as section 5 says, miss what stands before, between and inside
+      glass; its rule "nearest" tests every generation and takes the stencil bit back where a path ends.
     - A new ray starts epsilon off the surface; depth is t times a power of two that takes every t below 1.
     - A cone wider than 82.8° (cos φ = 1/8) counts as unbounded, and the sphere test allows 2⁻¹⁸ (d + r) for float32:
       why, `refsim.geometry.cone`. Spheres are as large as the hits that float32 accepts (`refsim.geometry.sphere`).

@@ -66,7 +66,7 @@ def depth_scale(scene: Scene, rays: Rays) -> np.float32:
     return np.float32(2.0 ** -np.ceil(np.log2(farthest)))
 
 
-def _next_target(width: int, height: int, depth_format: DepthStencilFormat, stencil: np.ndarray | None) -> Framebuffer:
+def next_target(width: int, height: int, depth_format: DepthStencilFormat, stencil: np.ndarray | None) -> Framebuffer:
     """A cleared render target: no hit, dead rays; the stencil of the pass before."""
     target = Framebuffer(width, height, passes.RAY_TARGETS, depth_format)
     target.clear_color("triangle", -1)
@@ -89,7 +89,7 @@ def trace_ray_engine(scene: Scene, rays: Rays, options: EngineOptions) -> Trace:
     stencil = None
     for k in range(options.generations):
         counters = Counters()
-        target = _next_target(width, height, options.depth_format, stencil)
+        target = next_target(width, height, options.depth_format, stencil)
         draw(
             pipeline,
             vertices=(corners, triangles),
@@ -128,14 +128,14 @@ def trace_hierarchical(
     for k in range(options.generations):
         counters = Counters()
         cone_target = build_cones(textures, tile_size, printed, corners, counters, options)
-        target = _next_target(padded_width, padded_height, options.depth_format, stencil)
+        target = next_target(padded_width, padded_height, options.depth_format, stencil)
         cones_read = read_back(cone_target, submission)
         draw(
             pipeline,
             vertices=(per_vertex, per_instance),
             instances=per_instance.count,
             uniforms=shaders.TileUniforms(scale, scene.epsilon, np.float32(tile_size), cones_read),
-            textures=_with_cones(textures, cone_target),
+            textures=with_cones(textures, cone_target),
             framebuffer=target,
             counters=counters,
             dynamic=stencil_state(k, image),
@@ -179,7 +179,8 @@ def read_back(cones: Framebuffer, submission: str) -> np.ndarray:
     return np.ascontiguousarray(planes.reshape(len(planes), -1).T)
 
 
-def _with_cones(rays: Any, cones: Framebuffer) -> shaders.ConeTextures:
+def with_cones(rays: Any, cones: Framebuffer) -> shaders.ConeTextures:
+    """The rays, and the cones of their tiles, as textures of the intersection pass."""
     return shaders.ConeTextures(
         rays.origin, rays.direction, cones.texture("apex"), cones.texture("axis"), cones.texture("slack")
     )
