@@ -128,4 +128,7 @@ EXPERIMENT = Experiment(
     cases,
     measure,
     plot,
+    alt="Above, a tree of spheres with triangles as leaves; below, the same as a row of elements in depth-first "
+    "order, each sphere with a dotted arc to where a ray goes on that misses it, and the escape indices as "
+    "stored.",
 )

@@ -137,4 +137,6 @@ EXPERIMENT = Experiment(
     cases,
     measure,
     plot,
+    alt="Four spheres of directions: one colour for one list, halves for two, six regions around the axes for six, "
+    "octants for eight, each labelled with the direction that its list is sorted along.",
 )

@@ -154,4 +154,7 @@ EXPERIMENT = Experiment(
     cases,
     measure,
     plot,
+    alt="Two drawings of five triangles in spheres, cut by planes around the rays that leave one triangle and around "
+    "those of a screen cell; below each the list, in grey the elements that stand before the head and are "
+    "skipped.",
 )

@@ -103,4 +103,6 @@ EXPERIMENT = Experiment(
     cases,
     measure,
     plot,
+    alt="The five scenes on a ground with a shadow: cubes, the monkey's head, bunny, Buddha and dragon, or the word "
+    "missing; bars of nodes a ray with six lists and with all optimisations.",
 )

@@ -131,4 +131,6 @@ EXPERIMENT = Experiment(
     measure,
     plot,
     tables,
+    alt="Nodes a ray over the number of triangles on a logarithmic axis, for bodies of the library and for meshes; a "
+    "straight and a dotted line fitted to each family.",
 )

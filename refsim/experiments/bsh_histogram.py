@@ -163,4 +163,7 @@ EXPERIMENT = Experiment(
     measure,
     plot,
     tables,
+    alt="Histograms of the nodes that rays visit, in two rows without and with a ground, for eye, shadow and "
+    "reflected rays: without heads, and with heads at the first surviving leaf or climbing, which lie further "
+    "left for most rays and further right for some.",
 )

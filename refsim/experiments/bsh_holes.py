@@ -131,4 +131,6 @@ EXPERIMENT = Experiment(
     cases,
     measure,
     plot,
+    alt="Five pictures of the bunny and details of its outline, one for each culling rule: large holes by the literal "
+    "rule, single wrong pixels along outlines by the one that must be meant, none by the safe rule and octants.",
 )

@@ -78,4 +78,6 @@ EXPERIMENT = Experiment(
     cases,
     measure,
     plot,
+    alt="Three charts over the threshold, a line a scene: nodes a ray and tests a ray, high at the lowest threshold "
+    "and flat in the middle, and the elements of a list, which grow.",
 )

@@ -165,4 +165,7 @@ EXPERIMENT = Experiment(
     measure,
     stage_panels.plot,
     tables,
+    alt="Eight pictures of one small draw: vertices; what the geometry shader emits; the records that stream output "
+    "captured, with one triangle too many; triangles on the pixel grid; fragments coloured by an interpolated "
+    "value; what became of each; the framebuffer before and after.",
 )

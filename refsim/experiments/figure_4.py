@@ -167,4 +167,6 @@ EXPERIMENT = Experiment(
     measure,
     plot,
     tables,
+    alt="For each of three glass bodies its picture and four maps of the tiles' cones: narrow and even after the "
+    "first iteration, wider after the second, later scattered, many unbounded or without a ray.",
 )

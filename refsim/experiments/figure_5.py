@@ -21,4 +21,6 @@ EXPERIMENT = Experiment(
     cases,
     measure,
     plot,
+    alt="Glass bodies over a checkered floor, side by side: torus knot, blob, sphere and, where it is at hand, the "
+    "Stanford Dragon, each with its ray-triangle tests and the fraction of the Ray Engine's.",
 )

@@ -134,4 +134,7 @@ EXPERIMENT = Experiment(
     cases,
     measure,
     plot,
+    alt="A grid of small pictures of one Cornell box, each with one erratum as printed: white or black shadows, "
+    "missing reflections, a pale or a shrunken picture, and some that change nothing; all as printed together at "
+    "the end.",
 )

@@ -155,4 +155,6 @@ EXPERIMENT = Experiment(
     cases,
     measure,
     plot,
+    alt="Two rows of four pictures, a torus knot and a Cornell box: what eye rays draw, what reflected and refracted "
+    "rays add, what shadow rays extinguish, and all composed.",
 )

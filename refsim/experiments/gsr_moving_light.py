@@ -141,4 +141,6 @@ EXPERIMENT = Experiment(
     measure,
     plot,
     tables,
+    alt="For each scene curves of cells and tests a shadow ray over the places of the light on its way round, and two "
+    "pictures, at the cheapest and at the dearest place.",
 )

@@ -171,4 +171,7 @@ EXPERIMENT = Experiment(
     measure,
     plot,
     tables,
+    alt="Left, published milliseconds against cells and tests counted here, a line a scene through ray casting, "
+    "shadow casting and reflections; right, bars of published times of both methods, all longer than the dashes "
+    "of our counts, which are equal.",
 )

@@ -3,7 +3,8 @@
 A number is held if some value of the report, rounded to the digits that are shown, is it. Values are the report's
 numbers and those in its texts (cells of tables, settings of cases, lines of the ledger, versions, years), how many rows
 a table has, and how many claims a paper. A report holds thousands of values: a slip in a number of one or two digits
-may well be another's value; one in four digits or more is nearly always seen (`test_numbers` measures how often).
+may well be another's value; one in four digits or more is nearly always seen (`test_numbers` measures how often). So
+documents are held against the short tables alone: bulk rows would hold almost any number of three digits.
 """
 
 from __future__ import annotations
@@ -93,11 +94,11 @@ def visible(html: str) -> str:
 
 
 class Values:
-    """The values of a report."""
+    """The values of a report; without the rows of tables that are longer than `longest`, but for tables of verdicts."""
 
-    def __init__(self, report: Any) -> None:
+    def __init__(self, report: Any, longest: int | None = None) -> None:
         found: set[float] = set()
-        _collect(report, found)
+        _collect(report if longest is None else _short(report, longest), found)
         found.update(float(sum(counts.values())) for counts in report.get("summary", {}).values())
         self.sorted = np.array(sorted(found))
 
@@ -107,13 +108,24 @@ class Values:
         return near or (number.percent and self._near(number.value / 100, number.slack / 100))
 
     def _near(self, value: float, slack: float) -> bool:
-        slack += 1e-9 * max(abs(value), 1e-300)
+        slack += 1e-12 * abs(value)  # of binary fractions
         place = np.searchsorted(self.sorted, value - slack)
         return bool(place < len(self.sorted) and self.sorted[place] <= value + slack)
 
     def unknown(self, text: str) -> list[str]:
         """The numbers of a text that no value is."""
         return list(dict.fromkeys(n.text for n in numbers(measured(text)) if not self.holds(n)))
+
+
+def _short(report: Any, longest: int) -> Any:
+    def kept(rows: Any) -> bool:
+        return len(rows) <= longest or "verdict" in rows[0]
+
+    short = [
+        {**one, "tables": {stem: rows for stem, rows in one["tables"].items() if kept(rows)}}
+        for one in report["experiments"]
+    ]
+    return {**report, "experiments": short}
 
 
 def _collect(part: Any, found: set[float]) -> None:
