@@ -121,6 +121,11 @@ def tables(rows: Rows, others: Mapping[str, Rows]) -> Tables:
 
 COLORS = dict(zip(runs.CONTENDERS, (style.BLACK, style.FAINT, style.VERMILION, style.BLUE, style.SKY, style.PURPLE,
                                     style.ORANGE, style.GREEN), strict=True))  # fmt: skip
+# What fits a cell of a map
+SHORT = {
+    "Hierarchical Ray Engine": "Hierarchical", "geometry shader, grid": "grid (geometry)",
+    "fragment shader, grid": "grid (fragment)", "geometry shader, boxes": "boxes",
+}  # fmt: skip
 SIGNS = dict(zip(runs.CONTENDERS, ("o", "P", "s", "^", "v", "D", "<", ">"), strict=True))
 
 
@@ -168,10 +173,11 @@ def winner_map(axes: Any, table: Rows, label: str) -> None:
     for row in table:
         x, y = triangles.index(row["triangles"]), spreads.index(row["spread"])
         axes.add_patch(Rectangle((x, y), 1, 1, facecolor=COLORS[row["method"]], alpha=0.28, edgecolor="white"))
-        axes.text(x + 0.5, y + 0.62, row["method"], ha="center", va="center", fontsize=7.5, fontweight="bold")
+        best, second = (SHORT.get(row[name], row[name]) for name in ("method", "second"))
+        axes.text(x + 0.5, y + 0.62, best, ha="center", va="center", fontsize=7.5, fontweight="bold")
         value = next(v for k, v in row.items() if k.endswith("_per_ray") or k == "milliseconds")
-        text = f"{value:.3g}; {row['second']} × {row['second_times_as_many']:.2f}"
-        axes.text(x + 0.5, y + 0.28, text, ha="center", va="center", fontsize=6.3)
+        text = f"{value:.3g}; {second} × {row['second_times_as_many']:.2f}"
+        axes.text(x + 0.5, y + 0.28, text, ha="center", va="center", fontsize=6.8)
     axes.set_xlim(0, len(triangles))
     axes.set_ylim(0, len(spreads))
     axes.set_xticks([k + 0.5 for k in range(len(triangles))], [f"{n:,}" for n in triangles])

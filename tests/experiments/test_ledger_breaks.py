@@ -17,22 +17,22 @@ import pytest
 from refsim.experiments import figure_7, hre_equations, hre_equations_checks, ledger, topics
 from refsim.experiments.ledger_file import papers
 from refsim.experiments.outcome import Outcome
-from refsim.experiments.registry import Case, Experiment, Row
+from refsim.experiments.registry import Case, Experiment, Row, Tables
 from refsim.reference import cone
 
 # The smallest of figure 7's quick runs with all counters at work
 CASE = next(case for case in figure_7.cases(True) if case["body"] == "sphere" and case["triangles"] == 100)
 
 
-def outcome_of(experiment: Experiment, case: Case, rows: list[Row]) -> Outcome:
-    """A quick run of one case; no tables are made of it but where the experiment's rows are its table."""
-    tables = {experiment.id: {experiment.id: rows}} if experiment.tables is None else {}
-    return Outcome(True, Path(), cases={experiment.id: {json.dumps(case, sort_keys=True): rows}}, tables=tables)
+def outcome_of(experiment: Experiment, case: Case, rows: list[Row], tables: Tables) -> Outcome:
+    """A quick run of one case."""
+    cases = {experiment.id: {json.dumps(case, sort_keys=True): rows}}
+    return Outcome(True, Path(), cases=cases, tables={experiment.id: dict(tables)} if tables else {})
 
 
 def changed(experiment: Experiment, case: Case, rows: list[Row]) -> list[str]:
     """Cases that differ from the committed ones; that the others are not run is no matter here."""
-    differs = ledger.judge(outcome_of(experiment, case, rows)).differs
+    differs = ledger.judge(outcome_of(experiment, case, rows, {})).differs
     return [line for line in differs if "give other rows" in line]
 
 
@@ -76,7 +76,8 @@ def judged_equation() -> tuple[str, list[str]]:
     hre_equations_checks.drawn.cache_clear()
     case = next(case for case in hre_equations.cases(True) if case["item"] == EQUATION)
     rows = hre_equations.measure(**case)
-    found = ledger.judge(outcome_of(hre_equations.EXPERIMENT, case, rows))
+    tables = hre_equations.EXPERIMENT.tables_of(rows, {})
+    found = ledger.judge(outcome_of(hre_equations.EXPERIMENT, case, rows, tables))
     (entry,) = [entry for entry in found.entries if entry["id"] == f"hre.eq-{EQUATION}"]
     own = [line for line in found.differs if entry["id"] in line or "give other rows" in line]
     return entry["verdict"], own
