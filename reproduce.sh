@@ -34,12 +34,12 @@ if [ ! -e "$stamp" ] || [ ! -x .venv/bin/refsim ] || [ -n "$(find refsim pyproje
         || stop "$python lacks the module venv (on Debian and Ubuntu the package python3-venv has it)"
     echo "installing refsim into .venv"
     "$python" -m venv .venv || stop ".venv cannot be made"
-    .venv/bin/python -m pip install --quiet --disable-pip-version-check . \
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check -e . \
         || stop "the packages cannot be installed; is there a network? The same command tries again"
     touch "$stamp"
 fi
 
-# What is not here is said first: tables then read `missing`, and nothing takes its place.
+# What is not here is said first: tables then read `missing`, and nothing takes its place unsaid.
 .venv/bin/refsim doctor | grep -E 'REFSIM_SCENES|meshes|problem' || true
 echo "every mesh is optional; .venv/bin/refsim scenes fetch --help says how to have more"
 exec .venv/bin/refsim reproduce "$@"

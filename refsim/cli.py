@@ -154,7 +154,7 @@ def doctor(ctx: click.Context, as_json: bool) -> None:
 
 
 @commands.command()
-@click.argument("topic", type=click.Choice(TOPICS), required=False, metavar="TOPIC")
+@click.argument("topic", type=click.Choice(TOPICS), required=False, metavar="[TOPIC]")
 @click.option("--quick", is_flag=True, help="Smaller sizes, in four minutes at most.")
 @click.option("--only", multiple=True, metavar="ID", help="One figure or table; may be given several times.")
 @click.option(

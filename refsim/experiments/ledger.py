@@ -56,11 +56,12 @@ def judge(outcome: Outcome) -> Judgement:
     committed = read_committed(outcome.size)
     known = known_experiments()
     bare = _without_meshes(outcome, committed)
+    ran = {topic for topic, own in TOPICS.items() if any(experiment.id in outcome.tables for experiment in own)}
     for paper in papers().values():
         for claim in paper.claims:
             if claim.experiment and claim.experiment not in known:
                 found.differs.append(f"{claim.name}: there is no experiment {claim.experiment!r} to judge it by.")
-            elif not claim.experiment or claim.experiment in outcome.tables:
+            elif claim.experiment in outcome.tables or (not claim.experiment and claim.paper in ran):
                 _judge_claim(claim, outcome, committed, _closure(claim.experiment, known) & bare, found)
     if outcome.complete:
         gone = set(committed.verdicts) - {claim.name for paper in papers().values() for claim in paper.claims}

@@ -192,7 +192,8 @@ def _errata(claim: Claim, values: Values) -> Finding:
 
 def _predicts(claim: Claim, values: Values) -> Finding:
     """Errors of a cost model, in percent, on rows left out of its fit."""
-    measured = f"off by {min(values, key=abs):.3g} to {max(values, key=abs):.3g} percent"
+    sizes = [abs(value) for value in values]
+    measured = f"off by {min(sizes):.3g} to {max(sizes):.3g} percent"
     if all(abs(value) <= claim.tolerance for value in values):
         return Finding(REPRODUCED, measured, "counters, priced on the other rows, predict it")
     return Finding(HARDWARE, measured, "no prices of our counters predict it")

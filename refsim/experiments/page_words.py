@@ -43,7 +43,7 @@ class Mark:
 
 
 MARKS = {
-    REPRODUCED: Mark("reproduced", "reproduced", "What is said holds in all that was measured, within the tolerance."),
+    REPRODUCED: Mark("reproduced", "reproduced", "What is said holds at the paper's setting, within the tolerance."),
     TREND: Mark("trend", "trend reproduced", "Not the number, or not everywhere, but its direction."),
     CORRECTED: Mark("corrected", "corrected", "Not as printed; with the slip put right it holds. Both were run."),
     CONTRADICTED: Mark("contradicted", "contradicted", "What was measured says otherwise."),

@@ -14,8 +14,9 @@ from refsim.experiments.ledger import Judgement
 from refsim.experiments.ledger_file import papers
 from refsim.experiments.outcome import Outcome
 from refsim.experiments.registry import Experiment, Rows
-from refsim.experiments.runs import MISSING
+from refsim.experiments.runs import MISSING, mesh_state
 from refsim.experiments.topics import TITLES, TOPICS
+from refsim.scene.known import KNOWN_MESHES
 
 FORMAT = 1
 NAME = "report.json"
@@ -55,6 +56,7 @@ def machine() -> dict[str, Any]:
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
         "packages": {name: doctor.installed_version(name) for name in PACKAGES},
+        "meshes": sorted(name for name in KNOWN_MESHES if mesh_state(name) == "present"),
     }
 
 
@@ -80,7 +82,7 @@ def _experiment(topic: str, experiment: Experiment, outcome: Outcome) -> dict[st
 def _missing(tables: dict[str, Rows]) -> list[str]:
     """Scenes that the rows name and lack."""
     names = [
-        str(row.get("published_scene") or row.get("scene") or row.get("mesh") or "")
+        str(row.get("published_scene") or row.get("row") or row.get("scene") or "")
         for rows in tables.values() for row in rows if MISSING in row.values()
     ]  # fmt: skip
     return sorted({name for name in names if name})

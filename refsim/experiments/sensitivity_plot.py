@@ -79,7 +79,7 @@ def _scale(axes: Any, claim: Claim, known: Rows) -> None:
     ends += [limit for limit in (claim.low, claim.high) if math.isfinite(limit)]
     if claim.spread == RATIO:
         axes.set_xscale("log")
-        room = (max(ends) / min(ends)) ** 0.07
+        room = (max(ends) / min(ends)) ** 0.12
         axes.set_xlim(min(ends) / room, max(ends) * room)
         if max(ends) / min(ends) > 3:
             style.plain_ticks(axes.xaxis)
