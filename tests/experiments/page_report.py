@@ -81,7 +81,7 @@ def make_report() -> dict[str, Any]:
     return {
         "format": 1, "version": "0.1.0", "size": "full", "complete": True,
         "machine": {"processor": "AMD EPYC", "cores": 2, "python": "3.11.7", "platform": "Linux x86_64",
-                    "packages": packages},
+                    "packages": packages, "meshes": ["bunny"]},
         "papers": {p: {"title": t, "authors": "A. Author", "venue": "Here", "year": y} for p, (t, y) in papers.items()},
         "topics": [*({"id": p, "title": t} for p, (t, _) in papers.items()), {"id": "across", "title": "Across"}],
         "experiments": [
