@@ -9,6 +9,7 @@ instant.
 
 from __future__ import annotations
 
+import difflib
 import json
 import os
 import sys
@@ -40,7 +41,21 @@ def print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
         ctx.exit()
 
 
-@click.group(invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+class Commands(click.Group):
+    """A group that, asked for a command that it lacks, names the nearest or all."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command of `args`."""
+        if args[0] not in self.commands and not args[0].startswith("-"):
+            near = difflib.get_close_matches(args[0], self.commands, 1)
+            mend = f"did you mean {near[0]!r}?" if near else f"choose from {', '.join(self.commands)}."
+            raise InputError(f"there is no command {args[0]!r}; {mend}")
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=Commands, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option(
     "--version", is_flag=True, is_eager=True, expose_value=False, callback=print_version, help="Show version."
 )
@@ -94,7 +109,7 @@ def render(method: str, scene: str, size: tuple[int, int], out: Path | None, as_
     print_table([(name, f"{value:,} {REGISTRY[name].unit}") for name, value in counters.items()])
 
 
-@commands.group(invoke_without_command=True)
+@commands.group(cls=Commands, invoke_without_command=True)
 @as_json
 @click.pass_context
 def scenes(ctx: click.Context, as_json: bool) -> None:

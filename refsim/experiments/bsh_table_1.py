@@ -143,6 +143,7 @@ def label_of(row: Row) -> str:
 
 
 SWITCHES = ("culled", "heads", "frustum")
+LETTERS = "C: culling, H: per-polygon heads, F: screen cells; \N{MIDDLE DOT}: off"
 
 
 def _draw_rows(axes: Any, table: Rows) -> None:
@@ -157,7 +158,7 @@ def _draw_rows(axes: Any, table: Rows) -> None:
     axes.invert_yaxis()
     axes.set_xlabel("nodes a ray, eye and shadow rays")
     axes.set_title("The sixteen rows of Table 1")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, title=LETTERS, title_fontsize=8)
 
 
 def _draw_pairs(axes: Any, pairs: Rows) -> None:

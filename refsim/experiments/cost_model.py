@@ -214,7 +214,7 @@ EXPERIMENT = Experiment(
     "From counters to the papers' milliseconds",
     "Times are sums of counters times prices, no price under what the card's published peak rates demand; of all "
     "models of up to three counters the one that predicts unseen scenes best is drawn. Filled: fitted to all scenes; "
-    "open: predicted by the fit to the other scenes; crosses: never fitted (a stand-in's row, or another table's). "
+    "open: predicted by the fit to the other scenes; open alone: never fitted (a stand-in's row, or another table's). "
     "Grey: within a quarter of the printed time. Verdicts are of models chosen anew without the scene they predict. "
     "The paper's cameras are not known. For the Hierarchical Ray Engine, a point a body: the price of a test comes "
     "from the Ray Engine's 0.23 frames a second.",

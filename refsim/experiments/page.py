@@ -29,15 +29,15 @@ def write_page(report: dict[str, Any], out: Path) -> Path:
 
 def page_text(report: dict[str, Any], out: Path) -> str:
     """The page; `out` holds the pictures."""
-    papers = page_view.papers(report, out)
-    lines = page_view.all_lines(papers)
+    ledger = page_view.lines(report)
+    papers = page_view.papers(report, ledger, out)
     return _template().render(
         report=report,
         topics=papers,
-        marks_of=page_words.MARKS,
+        ledger=ledger,
         errata=page_view.errata(papers),
         marks=[mark for mark in page_words.MARKS.values() if any(mark in dict(paper.counts) for paper in papers)],
-        kinds=list(dict.fromkeys(line.entry["kind"] for line in lines)),
+        kinds=list(dict.fromkeys(line.entry["kind"] for line in ledger)),
         size=" --quick" if report["size"] == "quick" else "",
     )
 

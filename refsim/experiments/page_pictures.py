@@ -14,17 +14,20 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+WIDE = 6.0  # inches, from which on letters get too small where the picture is shrunk to a telephone's width
+SCREEN_DPI = 150.0  # of a picture that does not say
 EFFORT = {"lossless": True, "quality": 30, "method": 2}  # more effort takes longer and saves little
 
 
 @dataclass(frozen=True)
 class Embedded:
-    """A picture as a data URI, its size in pixels, and the name of its file."""
+    """A picture as a data URI, its size in pixels, the name of its file, and whether it is too wide for a telephone."""
 
     uri: str
     width: int
     height: int
     file: str
+    wide: bool
 
 
 def embedded(path: Path) -> Embedded:
@@ -34,13 +37,14 @@ def embedded(path: Path) -> Embedded:
     data, kind = path.read_bytes(), "png"
     with Image.open(io.BytesIO(data)) as picture:
         size = picture.size
+        inches = picture.width / picture.info.get("dpi", (SCREEN_DPI,))[0]
         if features.check("webp"):
             smaller = io.BytesIO()
             _on_white(picture).save(smaller, "WEBP", **EFFORT)
             if smaller.tell() < len(data):
                 data, kind = smaller.getvalue(), "webp"
     text = base64.b64encode(data).decode("ascii")
-    return Embedded(f"data:image/{kind};base64,{text}", *size, path.name)
+    return Embedded(f"data:image/{kind};base64,{text}", *size, path.name, inches > WIDE)
 
 
 def _on_white(picture: Image) -> Image:

@@ -105,10 +105,14 @@ class Paper:
         return sum(count for _, count in self.counts)
 
 
-def papers(report: Row, out: Path) -> list[Paper]:
-    """All topics of the report; pictures are read from `out`."""
-    lines = [_line(entry, report) for entry in report["ledger"]]
-    return [_paper(topic, report, lines, out) for topic in report["topics"]]
+def lines(report: Row) -> list[Line]:
+    """All claims, in the papers' order."""
+    return [_line(entry, report) for entry in report["ledger"]]
+
+
+def papers(report: Row, ledger: list[Line], out: Path) -> list[Paper]:
+    """All topics of the report, with the claims of `ledger`; pictures are read from `out`."""
+    return [_paper(topic, report, ledger, out) for topic in report["topics"]]
 
 
 def errata(found: list[Paper]) -> dict[str, list[Line]]:

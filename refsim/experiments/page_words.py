@@ -129,7 +129,7 @@ def _pairs(entry: dict[str, Any]) -> list[list[Any]]:
 def _held(verdicts: list[str]) -> str:
     counts = {word: verdicts.count(word) for word in VERBS if word in verdicts}
     if len(counts) == 1 and len(verdicts) > 1:
-        return f"All {len(verdicts)} lines {VERBS[verdicts[0]]}"
+        return f"{'Both' if len(verdicts) == 2 else f'All {len(verdicts)}'} lines {VERBS[verdicts[0]]}"
     each = [f"{n} {word if n == 1 else VERBS[word]}" for word, n in counts.items()]
     return f"Of {len(verdicts)} lines, {', '.join(each)}" if len(verdicts) > 1 else "".join(each)
 

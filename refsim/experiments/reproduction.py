@@ -69,22 +69,11 @@ def reproduce(
         InputError: at once for a topic, experiment, backend or number that does not exist, and for a folder that cannot
             be written; on the way for a case that fails, named. What is finished by then is kept for the next run.
     """
-    asked = _asked(topic, [only] if isinstance(only, str) else only)
+    asked = topics.chosen(topic, [only] if isinstance(only, str) else only)
     jobs = checked(jobs, backend)
     make_folder(out)
     run = _Run(asked, quick, outcome or Outcome(quick, out), indices=only is None)
     return _files(run, progress or silent, jobs, backend, complete=topic is None and only is None)
-
-
-def _asked(topic: str | None, only: Sequence[str] | None) -> dict[str, list[Experiment]]:
-    """Topic -> the experiments whose files are asked for."""
-    known = {name: topics.experiments_of(name) for name in (topics.TOPICS if topic is None else (topic,))}
-    names = [name for own in known.values() for name in own]
-    for name in only or ():
-        if name not in names:
-            place = "" if topic is None else f" of {topic!r}"
-            raise InputError(f"there is no figure or table {name!r}{place}; choose from {', '.join(names)}.")
-    return {name: [e for e in own.values() if only is None or e.id in only] for name, own in known.items()}
 
 
 def _files(run: _Run, progress: Progress, jobs: int, backend: str, complete: bool) -> Iterator[Path]:

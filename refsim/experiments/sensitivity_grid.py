@@ -252,7 +252,7 @@ EXPERIMENT = Experiment(
     "rays, at the dearest of 12 places of the light by the cheapest. Below: bytes of rays through vertex buffers by "
     "those through the previous method's render targets. Shaded: where what is said holds, by the rules of "
     "claims-gsr; filled circles lie there, open diamonds do not. The grey line of a row is the range of the same "
-    "settings over four cameras.",
+    "settings over four cameras. Where there is no room a dot goes unnamed: the CSV names all.",
     cases,
     measure,
     plot,

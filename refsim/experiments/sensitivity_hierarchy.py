@@ -136,7 +136,7 @@ EXPERIMENT = Experiment(
     "glass blob that covers every pixel, 256² pixels in 16 × 16 tiles, paths of 5 rays, index 1.5, geometric normals, "
     "the Ray Engine without a stencil (`--quick`: 64² and fewer settings, and 1,000 triangles in the place of 5,000). "
     "Shaded: where the paper's claim holds; filled circles lie there, open diamonds do not. The grey line of a row is "
-    "the range of the same settings over four cameras.",
+    "the range of the same settings over four cameras. Where there is no room a dot goes unnamed: the CSV names all.",
     cases,
     measure,
     plot,

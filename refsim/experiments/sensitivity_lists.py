@@ -105,7 +105,8 @@ EXPERIMENT = Experiment(
     "no optimisation but the lists (`--quick`: 1,600 triangles, 48² and fewer settings). Above: shaded, the paper's 5 "
     "to 15 percent. Below: by how much the gain grows with four times the triangles, at the step where it grows "
     "least; right of zero the gain grows at every step. Filled circles hold, open diamonds do not. The grey line of a "
-    "row is the range of the same settings over eight cameras.",
+    "row is the range of the same settings over eight cameras. Where there is no room a dot goes "
+    "unnamed: the CSV names all.",
     cases,
     measure,
     plot,

@@ -131,7 +131,8 @@ EXPERIMENT = Experiment(
     "lists, earliest first, threshold 0.5, eye and shadow rays; above without further optimisations and in sizes from "
     "100 to 25,600 triangles, in the middle and below with culling (safe rule), per-polygon heads and 16 × 16 screen "
     "cells (`--quick`: 1,600 triangles, 48² and fewer settings). Shaded: where what is said holds; filled circles lie "
-    "there, open diamonds do not. The grey line of a row is the range of the same settings over eight cameras.",
+    "there, open diamonds do not. The grey line of a row is the range of the same settings over eight cameras. "
+    "Where there is no room a dot goes unnamed: the CSV names all.",
     cases,
     measure,
     plot,

@@ -130,15 +130,17 @@ def _labels(axes: Any, own: Rows) -> None:
 def _label(axes: Any, line: Row, place: int, taken: dict[float, list[tuple[float, float]]]) -> None:
     """In the first lane that is free there; no label where none is."""
     points = 72.0 / axes.figure.dpi
-    middle = axes.transData.transform((line["value"], place))[0] * points
+    dot = axes.transData.transform((line["value"], place))[0] * points
     half = 0.5 * _width(axes, line["setting"])
+    # Nothing is cut at the picture's right edge
+    middle = min(dot, 72.0 * axes.figure.get_figwidth() - half - GAP)
     for lane, spans in taken.items():
         left, right = middle - half, middle + half
         if all(right + GAP < start or end + GAP < left for start, end in spans):
             spans.append((left, right))
-            axes.annotate(line["setting"], (line["value"], place), xytext=(0, lane), textcoords="offset points",
-                          ha="center", fontsize=LABEL, color=style.INK, annotation_clip=False, zorder=4,
-                          path_effects=_halo())  # fmt: skip
+            axes.annotate(line["setting"], (line["value"], place), xytext=(middle - dot, lane),
+                          textcoords="offset points", ha="center", fontsize=LABEL, color=style.INK,
+                          annotation_clip=False, zorder=4, path_effects=_halo())  # fmt: skip
             return
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from difflib import get_close_matches
+
 from refsim.errors import InputError
 from refsim.experiments import (
     bsh_claims,
@@ -116,3 +119,24 @@ def experiments_of(topic: str) -> dict[str, Experiment]:
     if topic not in TOPICS:
         raise InputError(f"there is no topic {topic!r}; choose from {', '.join(TOPICS)}.")
     return {experiment.id: experiment for experiment in TOPICS[topic]}
+
+
+def chosen(topic: str | None, only: Sequence[str] | None) -> dict[str, list[Experiment]]:
+    """Topic -> its experiments, of all topics where `topic` is None, and only those of the ids where they are given;
+    `InputError` for what is not known."""
+    known = {name: experiments_of(name) for name in (TOPICS if topic is None else (topic,))}
+    names = [name for own in known.values() for name in own]
+    for name in only or ():
+        if name not in names:
+            raise InputError(_unknown(name, topic, names))
+    return {name: [e for e in own.values() if only is None or e.id in only] for name, own in known.items()}
+
+
+def _unknown(name: str, topic: str | None, names: Sequence[str]) -> str:
+    """What is wrong with a name: it is another topic's, or it is misspelt."""
+    for other, own in TOPICS.items():
+        if any(experiment.id == name for experiment in own):
+            return f"{name!r} is not of the topic {topic!r} but of {other!r}."
+    near = get_close_matches(name, names, 1)
+    mend = f"did you mean {near[0]!r}?" if near else f"choose from {', '.join(names)}."
+    return f"there is no figure or table {name!r}{'' if topic is None else f' of {topic!r}'}; {mend}"

@@ -76,6 +76,11 @@ REFUSED = {
     "out is no PNG": (changed(out="image.gif"), "image.gif"),
     "paper unknown": (("reproduce", "xyz"), "xyz"),
     "figure unknown": (("reproduce", "hre", "--quick", "--only", "figure-99"), "figure-99"),
+    "figure misspelt": (("reproduce", "hre", "--only", "figre-7"), "did you mean 'figure-7'?"),
+    "figure of another paper": (("reproduce", "hre", "--only", "gsr-table-1"), "'gsr'"),
+    "command unknown": (("nonsense",), "choose from render, scenes, doctor, reproduce"),
+    "command misspelt": (("rendr",), "did you mean 'render'?"),
+    "command of scenes misspelt": (("scenes", "fech"), "did you mean 'fetch'?"),
 }
 
 ACCEPTED = {

@@ -184,7 +184,12 @@ def test_csv_reads_back(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("paper", "only", "names"),
-    [("xyz", None, ("xyz", "hre")), ("hre", "figure-99", ("figure-99", "figure-7", "claims-hre"))],
+    [
+        ("xyz", None, ("xyz", "hre")),
+        ("hre", "nothing", ("nothing", "figure-7", "claims-hre")),
+        ("hre", "figure-77", ("figure-77", "did you mean 'figure-7'?")),
+        ("hre", "bsh-table-1", ("bsh-table-1", "of 'bsh'")),
+    ],
 )
 def test_unknown_names_are_refused(paper, only, names, counted, tmp_path: Path) -> None:
     if paper == "hre":
