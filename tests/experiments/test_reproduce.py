@@ -188,7 +188,6 @@ def test_csv_reads_back(tmp_path: Path) -> None:
         ("xyz", None, ("xyz", "hre")),
         ("hre", "nothing", ("nothing", "figure-7", "claims-hre")),
         ("hre", "figure-77", ("figure-77", "did you mean 'figure-7'?")),
-        ("hre", "bsh-table-1", ("bsh-table-1", "of 'bsh'")),
     ],
 )
 def test_unknown_names_are_refused(paper, only, names, counted, tmp_path: Path) -> None:
