@@ -13,7 +13,7 @@ from typing import Any
 
 from refsim.experiments.ledger_committed import Committed, canonical, digest, read_committed, write_committed
 from refsim.experiments.ledger_evidence import Evidence, evidence_of
-from refsim.experiments.ledger_file import Claim, papers
+from refsim.experiments.ledger_file import ANALYSIS, Claim, papers
 from refsim.experiments.ledger_rules import MISSING_MESH, NOT_MEASURED, RULES, Finding
 from refsim.experiments.outcome import Outcome
 from refsim.experiments.registry import Experiment, Row
@@ -35,9 +35,10 @@ class Judgement:
     not_compared: list[str] = field(default_factory=list)
     judged: dict[str, list[Any]] = field(default_factory=dict)
 
-    def summary(self) -> dict[str, dict[str, int]]:
-        """Paper -> verdict -> how many."""
-        counts = {paper: Counter(e["verdict"] for e in self.entries if e["paper"] == paper) for paper in papers()}
+    def summary(self, basis: str | None = None) -> dict[str, dict[str, int]]:
+        """Paper -> verdict -> how many of its claims, of one basis if given."""
+        told = [e for e in self.entries if e["kind"] != ANALYSIS and basis in (None, e["basis"])]
+        counts = {paper: Counter(e["verdict"] for e in told if e["paper"] == paper) for paper in papers()}
         return {paper: dict(sorted(count.items())) for paper, count in counts.items()}
 
 
@@ -132,6 +133,7 @@ def _entry(claim: Claim, finding: Finding, evidence: Evidence, outcome: Outcome)
     topic = _topic_of(claim.experiment)
     return {
         "id": claim.name, "paper": claim.paper, "place": claim.place, "kind": claim.kind, "item": claim.item,
+        "basis": claim.basis,
         "says": claim.says, "experiment": claim.experiment, "table": claim.table, "where": dict(claim.where),
         "printed": claim.printed, "unit": claim.unit,
         "measured": finding.measured, "evidence": evidence.values, "missing": evidence.missing,

@@ -30,7 +30,7 @@ def evidence_of(claim: Claim, tables: Mapping[str, Rows]) -> Evidence:
 
 
 # Marks of rows on another body than the paper's: shown, but no evidence on it
-STAND_INS = ("a stand-in", "decimated to")
+STAND_INS = ("a stand-in", "another scene", "decimated to")
 NONE = ("", None, "NA")  # what a row lacks, or the paper
 
 

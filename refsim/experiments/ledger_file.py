@@ -18,7 +18,9 @@ from refsim.experiments.ledger_rules import RULES
 
 FOLDER = Path(__file__).parent / "claims"
 PAPERS = ("hre", "gsr", "bsh")
-KINDS = ("figure", "table", "equation", "listing", "number", "statement")
+ANALYSIS = "analysis"  # a question of ours about what is printed: judged, and not counted among the paper's claims
+KINDS = ("figure", "table", "equation", "listing", "number", "statement", ANALYSIS)
+BASES = ("run", "print")
 INVENTORY = {"figures": "figure", "tables": "table", "equations": "equation", "listings": "listing"}
 
 
@@ -43,6 +45,7 @@ class Claim:
     open        what the paper does not say and the verdict may depend on
     erratum     its number in the conventions
     headline    the headline of the table of sensitivities that this is, and there `sensitivity` the claim
+    basis       `run`: judged by what was run here; `print`: by the paper's own numbers, against each other
     """
 
     id: str
@@ -66,6 +69,7 @@ class Claim:
     erratum: str = ""
     headline: str = ""
     sensitivity: str = ""
+    basis: str = "run"
 
     @property
     def name(self) -> str:
@@ -122,6 +126,8 @@ def _check(paper: Paper) -> None:
         seen.add(claim.name)
         if claim.kind not in KINDS:
             raise InputError(f"claim {claim.name}: kind {claim.kind!r} is none of {', '.join(KINDS)}.")
+        if claim.basis not in BASES:
+            raise InputError(f"claim {claim.name}: basis {claim.basis!r} is none of {', '.join(BASES)}.")
         if claim.rule not in RULES:
             raise InputError(f"claim {claim.name}: there is no rule {claim.rule!r}; choose from {', '.join(RULES)}.")
         if claim.tolerance and not claim.reason:

@@ -6,8 +6,9 @@
     contradicted      neither
     cannot be reproduced: hardware | mesh missing | not enough said
 
-Where the paper leaves open what decides, and it decides, the verdict is `not enough said`. What is measured at no
-size of the run is `not measured`.
+Better agreement never makes a worse verdict: a trend that holds everywhere is a trend whatever is left open. Where
+the paper leaves open what decides, and it decides, the verdict is `not enough said`. What is measured at no size of the
+run is `not measured`.
 """
 
 from __future__ import annotations
@@ -63,11 +64,11 @@ def _shares(claim: Claim, good: Sequence[bool], measured: str, trend: bool = Fal
     held = f"holds in {sum(good)} of {len(good)}"
     if all(good):
         return Finding(REPRODUCED, measured, held)
+    if trend:
+        return Finding(TREND, measured, f"{held}; the direction is that of the paper")
     if any(good) and claim.open:
         return Finding(UNSAID, measured, f"{held}; the paper does not say {', '.join(claim.open)}")
-    if any(good) or trend:
-        return Finding(TREND, measured, held + ("; the direction is that of the paper" if trend else ""))
-    return Finding(CONTRADICTED, measured, held)
+    return Finding(TREND if any(good) else CONTRADICTED, measured, held)
 
 
 def _on_side(claim: Claim, values: Values) -> bool:
@@ -105,9 +106,11 @@ def _verdicts(claim: Claim, values: Values) -> Finding:
     good = [value == "holds" for value in values]
     some = any(value == "depends" for value in values)
     measured = ", ".join(counts)
-    if some and not any(good) and claim.open:
+    if some and claim.open:
         return Finding(UNSAID, measured, f"it depends, and the paper does not say {', '.join(claim.open)}")
-    return _shares(claim, good, measured, trend=some)
+    if some and not any(good):
+        return Finding(TREND, measured, "it holds in part of what was measured")
+    return _shares(claim, good, measured)
 
 
 def _any_verdict(claim: Claim, values: Values) -> Finding:
@@ -163,6 +166,23 @@ def _matches(claim: Claim, values: Values) -> Finding:
     order = _in_order(values)
     measured = f"× {_spread([ours / printed for ours, printed in values])}"
     return _shares(claim, good, measured, bool(order) and all(order))
+
+
+def _points(claim: Claim, values: Values) -> Finding:
+    """Pairs (ours, printed) of percentages, each within `tolerance` percentage points."""
+    off = [abs(ours - printed) for ours, printed in values]
+    order = _in_order(values)
+    measured = f"off by {_spread(off)} percentage points"
+    return _shares(claim, [gap <= claim.tolerance for gap in off], measured, bool(order) and all(order))
+
+
+def _consistent(claim: Claim, values: Values) -> Finding:
+    """Pairs (ours, printed) where ours was chosen to agree: agreement says that a choice exists, no more."""
+    good = [abs(ours - printed) <= claim.tolerance * abs(printed) for ours, printed in values]
+    measured = f"× {_spread([ours / printed for ours, printed in values])}"
+    if all(good):
+        return Finding(UNSAID, measured, f"a choice of {' and '.join(claim.open)} gives it; the paper's is not said")
+    return Finding(CONTRADICTED, measured, f"no choice of {' and '.join(claim.open)} that was tried gives it")
 
 
 def _put_right(claim: Claim, values: Values) -> Finding:
@@ -231,6 +251,8 @@ RULES: dict[str, Rule] = {
     "grows": Rule("grows from row to row", _grows),
     "follows": Rule("proportional to the printed numbers; the trend, if nine of ten pairs are in order", _follows),
     "matches": Rule("each equal to the number printed for it, within the tolerance", _matches),
+    "points": Rule("each within so many percentage points of the number printed for it", _points),
+    "chosen": Rule("a choice of what the paper leaves open gives the printed numbers", _consistent),
     "put right": Rule("every run as printed holds, or else every corrected one", _put_right),
     "errata": Rule("kernel, reference and property agree", _errata),
     "predicts": Rule("prices fitted on the other rows predict it", _predicts),

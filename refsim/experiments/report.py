@@ -43,6 +43,7 @@ def make_report(outcome: Outcome, judgement: Judgement) -> dict[str, Any]:
         ],
         "ledger": judgement.entries,
         "summary": judgement.summary(),
+        "in_print": judgement.summary("print"),
         "check": {"differs": judgement.differs, "not_compared": judgement.not_compared},
     }  # fmt: skip
 

@@ -91,6 +91,8 @@ def test_proportional_pairs_follow(printed, factor) -> None:
         ({"open": ("the scene",)}, [10.0, 11.1], UNSAID),
         ({}, [8.9], CONTRADICTED),
         ({"trend": 1.0}, [8.9, 2.0], TREND),
+        ({"trend": 1.0, "open": ("the scene",)}, [8.9, 2.0], TREND),
+        ({"trend": 1.0, "open": ("the scene",)}, [10.0, 2.0], TREND),
         ({"trend": 1.0}, [8.9, 0.9], CONTRADICTED),
         ({"corrected": 9.0, "tolerance": 0.0}, [9.0, 9.0], CORRECTED),
         ({"corrected": 9.0, "tolerance": 0.0}, [9.0, 8.0], CONTRADICTED),
@@ -113,6 +115,13 @@ def test_proportional_pairs_follow(printed, factor) -> None:
         ({"rule": "matches"}, [(20.0, 10.0), (2.0, 1.0)], TREND),
         ({"rule": "matches"}, [(20.0, 10.0), (30.0, 1.0)], CONTRADICTED),
         ({"rule": "matches"}, [(20.0, 10.0)], CONTRADICTED),
+        ({"rule": "matches", "open": ("the scene",)}, [(10.0, 10.0), (2.0, 1.0)], TREND),
+        ({"rule": "matches", "open": ("the scene",)}, [(10.0, 10.0), (20.0, 1.0)], UNSAID),
+        ({"rule": "points", "tolerance": 2.0}, [(99.0, 97.0), (3.0, 1.0)], REPRODUCED),
+        ({"rule": "points", "tolerance": 2.0}, [(99.5, 97.0), (3.0, 1.0)], TREND),
+        ({"rule": "points", "tolerance": 2.0}, [(3.5, 1.0)], CONTRADICTED),
+        ({"rule": "chosen", "open": ("the camera",)}, [(11.0, 10.0), (0.9, 1.0)], UNSAID),
+        ({"rule": "chosen", "open": ("the camera",)}, [(11.2, 10.0), (0.9, 1.0)], CONTRADICTED),
         ({"rule": "predicts", "tolerance": 25.0}, [25.0, -25.0], REPRODUCED),
         ({"rule": "predicts", "tolerance": 25.0}, [10.0, -25.1], HARDWARE),
         ({"rule": "put right", "printed": "old"}, [("old", "holds"), ("new", "fails")], REPRODUCED),
@@ -166,8 +175,17 @@ def test_accepted_run_has_no_differences(small: Outcome) -> None:
     found = ledger.judge(run(3, 4))
     assert (found.differs, found.not_compared) == ([], [])
     assert [entry["verdict"] for entry in found.entries] == [REPRODUCED]
-    assert found.summary() == {"hre": {REPRODUCED: 1}}
+    assert found.summary() == found.summary("run") == {"hre": {REPRODUCED: 1}}
+    assert found.summary("print") == {"hre": {}}
     json.dumps(found.entries)
+
+
+def test_questions_of_ours_are_judged_and_not_counted(small: Outcome, monkeypatch: pytest.MonkeyPatch) -> None:
+    paper = ledger.papers()["hre"]
+    asked = replace(paper, claims=tuple(replace(claim, kind="analysis") for claim in paper.claims))
+    monkeypatch.setattr(ledger, "papers", lambda: {"hre": asked})
+    found = ledger.judge(run(3, 4))
+    assert [entry["verdict"] for entry in found.entries] == [REPRODUCED] and found.summary() == {"hre": {}}
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,7 @@ def test_inventory_is_complete(name: str) -> None:
         ('rule = "equals"', 'rule = "magic"', "no rule 'magic'"),
         ('value = "v"', "", "reads a table"),
         ('kind = "figure"', 'kind = "poem"', "kind 'poem'"),
+        ('kind = "figure"', 'kind = "figure"\nbasis = "faith"', "basis 'faith'"),
         ('place = "Figure 1"', 'plaice = "Figure 1"', "unknown fields plaice"),
         ("printed = 3", "printed = 3\ntolerance = 0.5", "no reason"),
         ("printed = 3", "printed = ", "cannot be read"),
