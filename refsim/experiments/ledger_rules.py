@@ -108,7 +108,7 @@ def _verdicts(claim: Claim, values: Values) -> Finding:
     measured = ", ".join(counts)
     if some and claim.open:
         return Finding(UNSAID, measured, f"it depends, and the paper does not say {', '.join(claim.open)}")
-    if some and not any(good):
+    if values.count("depends") == len(values):
         return Finding(TREND, measured, "it holds in part of what was measured")
     return _shares(claim, good, measured)
 

@@ -36,7 +36,7 @@ def page_text(report: dict[str, Any], out: Path) -> str:
         topics=papers,
         ledger=ledger,
         errata=page_view.errata(papers),
-        marks=[mark for mark in page_words.MARKS.values() if any(mark in dict(paper.counts) for paper in papers)],
+        marks=[mark for mark in page_words.MARKS.values() if any(line.mark == mark for line in ledger)],
         kinds=list(dict.fromkeys(line.entry["kind"] for line in ledger)),
         size=" --quick" if report["size"] == "quick" else "",
     )

@@ -87,13 +87,22 @@ class Section:
 
 
 @dataclass(frozen=True)
+class Count:
+    """How many claims of a paper have a verdict, and how many of these were judged by its own numbers alone."""
+
+    mark: Mark
+    claims: int
+    in_print: int
+
+
+@dataclass(frozen=True)
 class Paper:
     """A topic: a paper with its verdicts, or what is about all of them."""
 
     id: str
     title: str
     paper: Row | None
-    counts: list[tuple[Mark, int]]
+    counts: list[Count]
     sections: list[Section]
     formal: list[Line]
     said: list[Line]
@@ -102,7 +111,7 @@ class Paper:
     @property
     def total(self) -> int:
         """How many claims."""
-        return sum(count for _, count in self.counts)
+        return sum(count.claims for count in self.counts)
 
 
 def lines(report: Row) -> list[Line]:
@@ -139,13 +148,13 @@ def _paper(topic: Row, report: Row, lines: list[Line], out: Path) -> Paper:
     mine = [line for line in lines if line.entry["paper"] == topic["id"]]
     places = {line.entry["id"]: _place(line.entry, drawn) for line in mine}
     rest = [line for line in mine if not places[line.entry["id"]]]
-    counts = report["summary"].get(topic["id"], {})
+    counts, in_print = (report[name].get(topic["id"], {}) for name in ("summary", "in_print"))
     head = report["papers"].get(topic["id"])
     return Paper(
         id=topic["id"],
         title=head["title"] if head else topic["title"],
         paper=head,
-        counts=[(mark, counts[verdict]) for verdict, mark in MARKS.items() if counts.get(verdict)],
+        counts=[Count(m, counts[v], in_print.get(v, 0)) for v, m in MARKS.items() if counts.get(v)],
         sections=[
             _section(e, [line for line in mine if places[line.entry["id"]] == e["id"]], lines, out) for e in drawn
         ],

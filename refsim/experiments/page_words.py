@@ -137,10 +137,11 @@ def _held(verdicts: list[str]) -> str:
 def rule_text(entry: dict[str, Any], lines: Rows) -> str:
     """The rule, with its tolerance and the reason for it; that of the `lines` of a table, if they have one."""
     rules = {str(row["rule"]) for row in lines}
+    because = f" ({entry['reason']})" if entry["reason"] else ""
     if len(rules) == 1:
-        return sentence(rules.pop())
+        return sentence(rules.pop()) + because
     if not entry["tolerance"]:
-        return str(entry["rule"])
+        return f"{entry['rule']}{because}"
     # A share of what is printed; errors of a model are percentages already
     tolerance = entry["tolerance"] if entry["tolerance"] > 1 else 100 * entry["tolerance"]
     return f"{entry['rule']}: {tolerance:g} percent, for {entry['reason']}"

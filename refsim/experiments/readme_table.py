@@ -42,7 +42,7 @@ def claims_table(report: dict[str, Any]) -> str:
         rows = [_row(entries[name], report) for name in names]
         titled = f"[{_cell(head['title'])}]({PAGE}#topic-{paper})"
         blocks += [f"| {titled} | printed | measured | verdict |", "|---|---|---|---|", *rows]
-        counts = ", ".join(f"{count} {verdict}" for verdict, count in _counts(report, paper))
+        counts = ", ".join(_counts(report, paper))
         blocks += ["", f"In all: {counts}.", ""]
     return "\n".join(blocks)
 
@@ -54,9 +54,12 @@ def put(readme: str, report: dict[str, Any]) -> str:
     return BETWEEN.sub(lambda _: f"\n{claims_table(report)}\n", readme)
 
 
-def _counts(report: Row, paper: str) -> list[tuple[str, int]]:
-    counts = report["summary"].get(paper, {})
-    return [(verdict, counts[verdict]) for verdict in words.MARKS if counts.get(verdict)]
+def _counts(report: Row, paper: str) -> list[str]:
+    counts, in_print = report["summary"].get(paper, {}), report["in_print"].get(paper, {})
+    return [
+        f"{counts[verdict]} {verdict}" + (f" ({in_print[verdict]} in print)" if in_print.get(verdict) else "")
+        for verdict in words.MARKS if counts.get(verdict)
+    ]  # fmt: skip
 
 
 def _row(entry: Row, report: Row) -> str:
@@ -71,6 +74,7 @@ def _measured(entry: Row, report: Row) -> str:
     rows = select(tables.get(entry["table"], []), entry["where"])
     lines = [row for row in rows if {"rule", "measured", "verdict"} <= set(row)]
     text = words.sentence(str(lines[0]["measured"])) if len(lines) == 1 else words.measured(entry, lines)
+    text = f"in print: {text}" if entry["basis"] == "print" else text
     found = entry["sensitivity"]
     return f"{text}; at {found['holds']} of {found['of']} settings" if found else text
 

@@ -17,7 +17,8 @@ SETTINGS = [
     {"parameter": "index", "setting": "1.33", "value": 4.625, "holds": "yes", "unit": "times"},
 ]
 BARE = {
-    "kind": "statement", "item": "", "says": "it is so", "experiment": "", "table": "", "where": {}, "printed": None,
+    "kind": "statement", "basis": "run", "item": "",
+    "says": "it is so", "experiment": "", "table": "", "where": {}, "printed": None,
     "unit": "", "measured": "nothing", "evidence": [], "missing": 0, "rule": "only the paper's machine shows it",
     "tolerance": 0.0, "reason": "", "open": [], "erratum": "", "why": "so", "command": "", "sensitivity": None,
 }  # fmt: skip
@@ -56,7 +57,7 @@ def ledger() -> list[dict[str, Any]]:
         entry("hre.figure-7", "Figure 7", "reproduced", kind="figure", item="Figure 7", **seen),
         entry("hre.tests", "section 7", "trend reproduced", kind="number", printed=150000000.0, unit="tests/s",
               measured="1.507e+08", tolerance=0.02, reason="two digits", sensitivity=sensitivity, **seen),
-        entry("hre.course", "section 9", "reproduced", item="Figure 7, course"),
+        entry("hre.course", "section 9", "reproduced", item="Figure 7, course", basis="print"),
         entry("hre.text", "section 3", "reproduced", where={"section": "3"}, measured="1 holds", **lines),
         entry("hre.equation", "section 4", "corrected", kind="equation", erratum="HRE-E2", says="x_new < e & r"),
         entry("hre.rate", "section 8", HARDWARE, kind="number", printed=0.23, unit="frames/s"),
@@ -94,6 +95,7 @@ def make_report() -> dict[str, Any]:
         ],
         "ledger": entries,
         "summary": counts,
+        "in_print": {paper: {"reproduced": 1} if paper == "hre" else {} for paper in papers},
         "check": {"differs": [], "not_compared": []},
     }  # fmt: skip
 
