@@ -99,7 +99,8 @@ def test_wrong_ends_are_seen() -> None:
     ends = [(one.hits.triangle >= 0) & diffuse[one.hits.triangle] for one in right.generations]
     last = next(generation for generation, own in enumerate(ends) if own.any())
     hits, path = right.generations[last].hits, np.flatnonzero(ends[last])[0]
-    for name, value in (("t", hits.t[path] * np.float32(1.001)), ("triangle", -1)):
+    other = next(k for k in np.flatnonzero(diffuse) if k != hits.triangle[path])
+    for name, value in (("t", hits.t[path] * np.float32(1.001)), ("triangle", -1), ("triangle", other)):
         column = getattr(hits, name).copy()
         column[path] = value
         generations = list(right.generations)
