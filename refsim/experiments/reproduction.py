@@ -35,6 +35,7 @@ from refsim.experiments.pool import checked, pool
 from refsim.experiments.registry import Experiment, Rows
 from refsim.experiments.work import Drawing, Measurement, Task, explained
 from refsim.progress import silent
+from refsim.scene.known import check_scenes_folder
 
 if TYPE_CHECKING:
     from refsim.progress import Advance, Progress
@@ -66,11 +67,13 @@ def reproduce(
         outcome: is filled with what was found.
 
     Raises:
-        InputError: at once for a topic, experiment, backend or number that does not exist, and for a folder that cannot
-            be written; on the way for a case that fails, named. What is finished by then is kept for the next run.
+        InputError: at once for a topic, experiment, backend or number that does not exist, for a folder that cannot be
+            written, and for a folder of meshes that is none; on the way for a case that fails, named. What is finished
+            by then is kept for the next run.
     """
     asked = topics.chosen(topic, [only] if isinstance(only, str) else only)
     jobs = checked(jobs, backend)
+    check_scenes_folder()
     make_folder(out)
     run = _Run(asked, quick, outcome or Outcome(quick, out), indices=only is None)
     return _files(run, progress or silent, jobs, backend, complete=topic is None and only is None)

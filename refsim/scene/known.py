@@ -12,11 +12,14 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from refsim.errors import InputError
+
 __all__ = [
     "FORMATS",
     "KNOWN_MESHES",
     "KnownMesh",
     "cache_folder",
+    "check_scenes_folder",
     "find_mesh",
     "is_known_file",
     "meshes_folder",
@@ -83,6 +86,13 @@ def scenes_folder() -> Path | None:
     """The folder that REFSIM_SCENES names, None where it is unset or empty."""
     folder = os.environ.get(FOLDER_VARIABLE, "")
     return Path(folder).expanduser() if folder else None
+
+
+def check_scenes_folder() -> None:
+    """Raise `InputError` where REFSIM_SCENES names what is not a folder: every mesh would be missing in silence."""
+    folder = scenes_folder()
+    if folder is not None and not folder.is_dir():
+        raise InputError(f"{FOLDER_VARIABLE} names {str(folder)!r}, which is not a folder.")
 
 
 def cache_folder() -> Path | None:
