@@ -33,14 +33,6 @@ def table_1_claims(rows: Rows) -> Rows:
                 some([change < 0 for change in own]),
             )
         )  # fmt: skip
-    nodes = [row["nodes_per_ray"] for row in table]
-    spread = 100.0 * (1.0 - min(nodes) / max(nodes))
-    found.append(
-        claim(
-            "4", f"nodes a ray are impacted to as much as {published.SAID_HEAVY} percent", "bunny without ground, ours",
-            "1 - least / most is at least that", f"{spread:.2f} percent", spread >= published.SAID_HEAVY,
-        )
-    )  # fmt: skip
     orders = [row["change_percent"] for row in pairs if row["switch"] == "order"]
     found.append(
         claim(
@@ -81,7 +73,7 @@ def set_up_claims(rows: Rows) -> Rows:
     return [
         claim(
             "BSH-E6", "the printed triangles are those of the mesh and of a ground of two", "scenes here",
-            "triangles are equal; depends where some are, as for a substitute",
+            "triangles are equal; depends where some are",
             "; ".join(f"{row['published_scene']} {row['triangles']} of {row['published_triangles']}" for row in own),
             some(list(equal.values())),
         ),
@@ -151,12 +143,4 @@ def copy_claims(rows: Rows) -> Rows:
                     link["largest_residual_percent"] <= COPY_FIT,
                 )
             )  # fmt: skip
-    exposed = [row["exposed_ms"] for row in bsh_table_3.hidden(rows)]
-    found.append(
-        claim(
-            "1", "transfers are completely hidden by rendering", "Table 3's times",
-            "a copy beside the kernel ends before it, in every scene", f"{max(exposed):g} ms are left at most",
-            max(exposed) == 0.0,
-        )
-    )  # fmt: skip
     return found

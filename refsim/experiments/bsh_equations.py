@@ -6,16 +6,55 @@ directions are seeded random ones; rays are those of a small picture.
 
 from __future__ import annotations
 
+import numpy as np
+
 from refsim.experiments import bsh_equations_lists as made
 from refsim.experiments import bsh_equations_rays as shot
 from refsim.experiments import equations
-from refsim.experiments.equations import Item
+from refsim.experiments.equations import Found, Item, number
 from refsim.experiments.registry import Case, Experiment, Rows
+from refsim.papers.sphere_hierarchy.culling import kept_triangles
+from refsim.papers.sphere_hierarchy.directions import list_directions, list_of_rays
 
 # Triangles, directions, and pixels a side
 FULL, QUICK = {"triangles": 300, "directions": 50_000, "size": 24}, {"triangles": 80, "directions": 20_000, "size": 16}
 LISTS, TREE, RAYS = "escape indices and payloads", "spheres, parents, owners", "hits, nodes and tests of rays"
 S = "section 2.1"
+
+
+def _reversed(count: int) -> Found:
+    """Two lists, one the reverse of the other: families for which that is not so (BSH-E10).
+
+    Printed: both by earliest first, each along its own direction. Corrected: the reverse of a list by earliest first,
+    descending x_min, is one along −x by latest last. Of the same sort both ways, lists differ where siblings overlap.
+    """
+    first = made.lists_of(count, 2, "earliest_first")
+    h = first.hierarchy
+    parent = np.concatenate([h.parent, h.owner])
+    fails = []
+    for order in made.ORDERS:
+        other = made.lists_of(count, 2, order)
+        # Members of each family in the order of their list, as numbers of nodes and triangles
+        items = [np.concatenate([lists.node_at[k], lists.triangle_at[k]]) for lists, k in ((first, 0), (other, 1))]
+        below = [np.flatnonzero(parent == node) for node in range(len(h))]
+        fails.append(sum(
+            not np.array_equal(rows[np.argsort(items[0][rows])], rows[np.argsort(items[1][rows])][::-1])
+            for rows in below
+        ))  # fmt: skip
+    return Found(len(h), made.lists_differ(count), *fails)
+
+
+def _octants(count: int) -> Found:
+    """What is said of the opposite sextant, said of octants (the same rule on turned normals), and the safe rule."""
+    found: Found = made.culling("octant", "octant", 8)(count)
+    d, n = made.directions(count), made.directions(2 * count)[count:]
+    out = np.stack([
+        ~kept_triangles(-n, np.ones(count, np.bool_), along, "octant") for along in list_directions(8)
+    ])  # fmt: skip
+    facing = (d.astype(np.float64) * n).sum(axis=1) < 0.0
+    return found._replace(printed_fails=number(out[list_of_rays(d, 8), np.arange(count)] & facing))
+
+
 ITEMS: dict[str, tuple[str, Item]] = {
     "list-rules": ("triangles", Item("array in depth-first order, three rules", S, "", LISTS,
                                      "children follow their node, each where the one before ends", made.depth_first)),
@@ -26,8 +65,8 @@ ITEMS: dict[str, tuple[str, Item]] = {
                                   "20 bytes an element; indices give back the corners", made.element_bytes)),
     "pseudo-code": ("size", Item("pseudo-code of the traversal", S, "BSH-E5", RAYS,
                                  "brute force's hit for every eye ray", shot.pseudo_code)),
-    "two-lists": ("triangles", Item("two lists, one the other reversed", S, "", LISTS,
-                                    "each node's children in the reverse order", made.reversed_order)),
+    "two-lists": ("triangles", Item("two lists, one the other reversed", S, "BSH-E10", LISTS,
+                                    "each node's children in the reverse order", _reversed)),
     "partition-2": ("directions", Item("two directions", S + ", Figure 2b", "", "list picked",
                                        "the list's direction is the nearest", made.partition(2))),
     "partition-6": ("directions", Item("sextants", S + ", Figure 2c", "", "list picked",
@@ -40,9 +79,8 @@ ITEMS: dict[str, tuple[str, Item]] = {
     "culling-same": ("directions", Item("culling, the same sextant", S, "BSH-E1", "triangles left out",
                                         "no ray meets the front of what its list leaves out",
                                         made.culling("sextant_same", "sextant_safe", 6))),
-    "culling-octant": ("directions", Item("culling, octants", S, "", "triangles left out",
-                                          "no ray meets the front of what its list leaves out",
-                                          made.culling("octant", "octant", 8))),
+    "culling-octant": ("directions", Item("culling, octants", S, "BSH-E1", "triangles left out",
+                                          "no ray meets the front of what its list leaves out", _octants)),
     "share-sextant": ("directions", Item("16.67 %", S, "BSH-E1", "",
                                          "share of normals that a list may leave out, within 0.05 points",
                                          made.sextant_share)),

@@ -14,7 +14,7 @@ from refsim.experiments import style
 from refsim.experiments.registry import Case, Experiment, Rows
 
 LISTS = (1, 2, 6, 8)
-RULES = {6: ("sextant_opposite", "sextant_same", "sextant_safe"), 8: ("octant",)}
+RULES = {6: ("sextant_opposite", "sextant_same", "sextant_safe"), 8: ("octant_opposite", "octant")}
 PAIRS = 200_000
 SEES = (0.62, 0.42, 0.66)  # from where the spheres are drawn
 COLORS = (style.BLUE, style.VERMILION, style.GREEN, style.ORANGE, style.PURPLE, style.SKY, "#999999", "#F0E442")
@@ -53,7 +53,9 @@ def measure(lists: int, directions: int) -> Rows:
         }
         rays, draw = spread[own].astype(np.float64), np.random.default_rng(number)
         for rule in RULES.get(lists, ()):
-            culled = ~kept_triangles(spread, usable, along, rule)
+            # What is said of the opposite sextant, said of octants: the same rule on turned normals
+            normals, named = (-spread, "octant") if rule == "octant_opposite" else (spread, rule)
+            culled = ~kept_triangles(normals, usable, along, named)
             safe = ~kept_triangles(spread, usable, along, "octant" if lists == 8 else "sextant_safe")
             pairs = [draw.integers(0, int(part.sum()), PAIRS) for part in (own, culled)]
             facing = (rays[pairs[0]] * spread[culled][pairs[1]]).sum(axis=1) < 0.0

@@ -16,6 +16,8 @@ from refsim.experiments.registry import Case, Experiment, Row, Rows
 from refsim.experiments.runs import MISSING, mesh_state
 from refsim.image import encode_srgb
 from refsim.scene.environment import Uniform
+from refsim.scene.known import find_mesh
+from refsim.scene.trimesh_source import read_ply
 from refsim.shading import shade
 
 
@@ -45,11 +47,20 @@ def measure(published_scene: str, size_px: int, mesh: str) -> Rows:
             **line,
             **head(name, size_px, plain),
             "vertices": vertices_of(name),
+            "vertices_of_file_and_ground": _in_file(name),
             **ray_counts(plain),
             **{f"all_on_{key}": value for key, value in ray_counts(all_on).items() if key.endswith("per_ray")},
             "same_eye_hits_percent": round(100.0 * float(same), 3),
         }
     ]
+
+
+def _in_file(name: str) -> int | str:
+    """The vertices that the mesh's file lists, some of them at one place, and the ground's four; of none, none."""
+    path = find_mesh(name) if mesh_state(name) == "present" else None
+    if path is None:
+        return ""
+    return len(read_ply(path.name, path.read_bytes()).vertices) + 4
 
 
 def plot(rows: Rows) -> Any:

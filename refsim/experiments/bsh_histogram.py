@@ -25,54 +25,61 @@ RAYS: dict[str, tuple[RayKind, dict[str, Any], bool]] = {
     "reflected": (RayKind.REFLECTED, {"heads": "regular"}, True),
 }
 EDGES = tuple(round(2 ** (k / 2)) for k in range(0, 21))  # 1 to 1024
-CONFIGURATIONS = ("none", "simple", "regular")
+# Of eye rays: how many cells a side; the paper does not say. The histograms are drawn with the second
+CELLS = (8, 16, 32, 64)
+DRAWN_CELLS = RAYS["eye"][1]["screen_cells"]
+SIX, EIGHT = 6, 8  # lists
 
 
 def cases(quick: bool) -> list[Case]:
-    """A case a scene and kind of rays."""
+    """A case a scene and kind of rays with six lists; per-polygon heads with eight as well."""
     size = 64 if quick else 384
     scenes = SCENES[:2] if quick else SCENES
+    told = [(rays, SIX) for rays in RAYS] + [(rays, EIGHT) for rays in RAYS if rays != "eye"]
     return [
-        {"scene": name, "ground": int(ground), "rays": rays, "size_px": size, "mesh": mesh_state(name)}
-        for name, ground in scenes for rays in RAYS
+        {"scene": name, "ground": int(ground), "rays": rays, "lists": lists, "size_px": size,
+         "mesh": mesh_state(name)}
+        for name, ground in scenes for rays, lists in told
     ]  # fmt: skip
 
 
-def measure(scene: str, ground: int, rays: str, size_px: int, mesh: str) -> Rows:
-    """A row a head rule, and of each a row a bin."""
-    from refsim.papers.sphere_hierarchy.heads_statistics import head_statistics
-
-    line: Row = {"part": "summary", "ground": ground, "rays": rays}
+def measure(scene: str, ground: int, rays: str, lists: int, size_px: int, mesh: str) -> Rows:
+    """A row a kind of heads and a head rule; of what is drawn also a row a bin."""
+    line: Row = {"part": "summary", "ground": ground, "rays": rays, "lists": lists}
     if mesh == MISSING:
         return [{**line, **missing_row(scene, size_px)}]
     kind, options, mirrors = RAYS[rays]
-    plain = _nodes(scene, size_px, bool(ground), kind, mirrors)
-    rows = _bins(scene, ground, rays, "none", plain)
-    kinds = ("simple", "regular") if "heads" in options else ("cells",)
-    for heads in kinds:
+    plain = _nodes(scene, size_px, bool(ground), kind, mirrors, lists=lists)
+    rows = _bins(scene, ground, rays, "none", plain) if lists == SIX else []
+    given = (
+        [("heads", heads) for heads in ("simple", "regular")] if "heads" in options
+        else [("screen_cells", cells) for cells in CELLS]
+    )  # fmt: skip
+    for option, value in given:
         for rule in ("leaf", "climb"):
-            given = {**options, "head_rule": rule, **({"heads": heads} if "heads" in options else {})}
-            nodes = _nodes(scene, size_px, bool(ground), kind, mirrors, **given)
-            told = head_statistics(plain, nodes)
-            rows.append(
-                {
-                    **line,
-                    "scene": scene,
-                    "triangles": "",
-                    "size_px": size_px,
-                    "heads": heads,
-                    "head_rule": rule,
-                    "ray_count": told.rays,
-                    "nodes_without": round(told.without, 3),
-                    "nodes_with": round(told.with_heads, 3),
-                    "change_percent": round(100.0 * (told.with_heads / told.without - 1.0), 3),
-                    "more_percent": round(100.0 * told.share_more, 3),
-                    "fewer_percent": round(100.0 * told.fewer / told.rays, 3),
-                    "most_more": told.most_more,
-                }
-            )
-            rows += _bins(scene, ground, rays, f"{heads}, {rule}", nodes)
+            nodes = _nodes(scene, size_px, bool(ground), kind, mirrors, lists=lists, head_rule=rule, **{option: value})
+            heads, cells = ("cells", value) if option == "screen_cells" else (value, "")
+            rows.append({**line, "scene": scene, "triangles": "", "size_px": size_px, "heads": heads,
+                         "screen_cells": cells, "head_rule": rule, **_change(plain, nodes)})  # fmt: skip
+            if lists == SIX and cells in ("", DRAWN_CELLS):
+                rows += _bins(scene, ground, rays, f"{heads}, {rule}", nodes)
     return rows
+
+
+def _change(plain: Any, nodes: Any) -> Row:
+    """Means without and with heads, and how many rays visit more and fewer nodes."""
+    from refsim.papers.sphere_hierarchy.heads_statistics import head_statistics
+
+    told = head_statistics(plain, nodes)
+    return {
+        "ray_count": told.rays,
+        "nodes_without": round(told.without, 3),
+        "nodes_with": round(told.with_heads, 3),
+        "change_percent": round(100.0 * (told.with_heads / told.without - 1.0), 3),
+        "more_percent": round(100.0 * told.share_more, 3),
+        "fewer_percent": round(100.0 * told.fewer / told.rays, 3),
+        "most_more": told.most_more,
+    }
 
 
 def _nodes(scene: str, size: int, ground: bool, kind: RayKind, mirrors: bool, **options: Any) -> Any:
@@ -157,7 +164,8 @@ EXPERIMENT = Experiment(
     "Nodes that rays visit, with heads and without",
     "384² (64² with `--quick`), six lists, both sides are hit. Histograms of the bunny: eye rays with heads of 16 × "
     "16 screen cells; shadow rays, and rays off the same surfaces as mirrors, with regular per-polygon heads. The "
-    "last bin is open. The table also has Suzanne and simple heads: means, the share of rays that visit more nodes "
+    "last bin is open. The table also has Suzanne, simple heads, per-polygon heads with eight lists, and grids of 8 to "
+    "64 cells a side: means, the share of rays that visit more nodes "
     "than without heads, and by how many at most.",
     cases,
     measure,

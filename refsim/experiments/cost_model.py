@@ -97,17 +97,22 @@ def judged(subject: Subject) -> tuple[Model, Row]:
 
 
 def compared(subject: Subject, model: Model) -> Rows:
-    """A row a printed time: fitted, predicted by the fit to the other scenes, and off by."""
+    """A row a printed time: fitted, predicted by the fit to the other scenes, and off by.
+
+    `anew_error_percent` is of a model that was also chosen without the scene; a row that is never fitted had no part in
+    the choice, so for it that is the prediction's error.
+    """
     least = DEVICES[subject.device].least_ms
     fitted = fitting.fit(subject.rows, model, least)
     seen, unseen = fitted.predict(subject.rows), fitting.left_out(subject.rows, model, least)
+    anew = fitting.chosen_anew(subject.rows, subject.names, least)
     rows = [
-        _compared(subject, model, row, float(a), float(b))
-        for row, a, b in zip(subject.rows, seen, unseen, strict=True)
+        _compared(subject, model, row, float(a), float(b), float(c))
+        for row, a, b, c in zip(subject.rows, seen, unseen, anew, strict=True)
     ]
     if subject.further:
         rows += [
-            _compared(subject, model, row, None, float(b))
+            _compared(subject, model, row, None, float(b), float(b))
             for row, b in zip(subject.further, fitted.predict(subject.further), strict=True)
         ]
     return rows + [
@@ -115,7 +120,9 @@ def compared(subject: Subject, model: Model) -> Rows:
     ]
 
 
-def _compared(subject: Subject, model: Model, row: Observation, fitted: float | None, unseen: float) -> Row:
+def _compared(
+    subject: Subject, model: Model, row: Observation, fitted: float | None, unseen: float, anew: float
+) -> Row:
     def off(value: float) -> float:
         return round(100.0 * (value / row.printed - 1.0), 2)
 
@@ -130,6 +137,7 @@ def _compared(subject: Subject, model: Model, row: Observation, fitted: float | 
         "fit_error_percent": "" if fitted is None else off(fitted),
         "predicted_unseen_ms": round(unseen, 3),
         "prediction_error_percent": off(unseen),
+        "anew_error_percent": off(anew),
     }
 
 

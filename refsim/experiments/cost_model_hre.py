@@ -135,7 +135,8 @@ def compared(found: Rows) -> Rows:
     for row in found:
         if row["model"] != "tests" or not row["surface_in_every_pixel"]:
             continue
-        body = f"{row['body']} {row['fill']:g} stencil {row['ray_engine_stencil']}"
+        smooth = " smooth" if row["shading"] == "smooth" else ""
+        body = f"{row['body']} {row['fill']:g}{smooth} stencil {row['ray_engine_stencil']}"
         head = {"subject": SUBJECT, "device": DEVICES["hre"].name}
         predicted, printed = row["hierarchical_ms"], row["published_hierarchical_ms"]
         rows.append(

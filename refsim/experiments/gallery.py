@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from refsim.experiments import style
 from refsim.experiments.pictures import picture, srgb
 from refsim.experiments.registry import Case, Rows
-from refsim.experiments.runs import MISSING, counts, hits_percent, mesh_state
+from refsim.experiments.runs import MISSING, RAY_ENGINE, counts, hits_percent, mesh_state, run
+from refsim.results import Trace
 
 CREDIT = {
     "dragon_res4": "Stanford Dragon, res4",
@@ -43,10 +46,21 @@ def measure(
             "reflected_rays": c["rays.reflected"],
             "refracted_rays": c["rays.refracted"],
             **counts(image.trace),
+            "rays_with_other_hits": _other_hits(image.trace, scene, size_px, fill, generations, backend),
             "ray_engine_triangle_tests": exhaustive,
             "tests_ratio": round(exhaustive / c["intersection.triangle_tests"], 2),
         }
     ]
+
+
+def _other_hits(found: Trace, scene: str, size_px: int, fill: float, generations: int, backend: str) -> int:
+    """Rays of all generations whose hit is, in any bit, not that of the Ray Engine with its stencil."""
+    options: dict[str, Any] = {"generations": generations, "shading": "smooth", "backend": backend}
+    judge = run(RAY_ENGINE, scene, size_px, fill, stencil=True, **options)
+    return sum(
+        int(((a.hits.triangle != b.hits.triangle) | (a.hits.t.view(np.uint32) != b.hits.t.view(np.uint32))).sum())
+        for a, b in zip(found.generations, judge.generations, strict=True)
+    )
 
 
 def plot(rows: Rows) -> Any:

@@ -5,30 +5,19 @@ Used by `gsr_claims`, which says what a verdict is. Recursive Ray Tracing in Geo
 
 from __future__ import annotations
 
-from itertools import pairwise
-
-from refsim.experiments import gsr_figure_4, gsr_table_1, gsr_table_3
+from refsim.experiments import gsr_figure_4, gsr_table_1
 from refsim.experiments import gsr_published as published
+from refsim.experiments.gsr_claims_print import all_or_some, span
 from refsim.experiments.gsr_runs import FRAGMENT_GRID, GEOMETRY_SHADER, MODES
-from refsim.experiments.registry import Rows
+from refsim.experiments.registry import Row, Rows
 from refsim.experiments.runs import MISSING
 from refsim.experiments.verdicts import claim
 
 APPARENT = 10.0  # a speed-up that a picture shows: an order of magnitude
+CLOSE = 5.0  # percentage points: a choice
 # Operations that a texel may cost and still be covered, low and high guess: between the arithmetic that a card of 2008
 # does while it filters one 4-byte texel, and while it fetches one of 16 bytes
-CLOSE = 5.0  # percentage points: a choice
 COVERED = (6.0, 25.0)
-
-
-def all_or_some(answers: list[bool]) -> bool | None:
-    """Whether all hold; None where some do."""
-    return True if all(answers) else None if any(answers) else False
-
-
-def span(values: list[float]) -> str:
-    """The least and the largest."""
-    return f"{min(values):.3g} to {max(values):.3g}"
 
 
 def buffer_claims(rows: Rows) -> Rows:
@@ -36,89 +25,59 @@ def buffer_claims(rows: Rows) -> Rows:
     own = gsr_figure_4.of_part(rows, "a")
     views = ", ".join(dict.fromkeys(row["view"] for row in own))
     passes = sorted({row["passes"] for row in own})
-    a_pixel = {k: {row["capacity_vertices"] / row["size_px"] ** 2 for row in own if row["passes"] == k} for k in passes}
     fullest = {k: min(row["over_allocation"] for row in own if row["passes"] == k) for k in passes}
-    followed = [(row, after) for row, after in pairwise(own) if after["pass"] == row["pass"] + 1]
-    kinds = [kind for kind in gsr_figure_4.KINDS if kind.startswith("spawned")]
-    spawned = {row["pass"] + 1 == row["passes"]: 0 for row in own}
-    for row in own:
-        spawned[row["pass"] + 1 == row["passes"]] += sum(row[f"{kind}_vertices"] for kind in kinds)
+    said = {k: f"P = {k}: {100 / factor:.3g} percent of it" for k, factor in fullest.items()}
+    shown = published.LARGEST_GENERATIONS[0]  # Figure 4a: G = 2 rays of a depth, and as many passes
+    deeper = [k for k in passes if k > shown]
     return [
         claim(
-            "4", "S_VB does not depend on the number of triangles", views,
-            "records allocated a pixel are one number for each P, whatever the scene",
-            "; ".join(f"P = {k}: {', '.join(f'{n:g}' for n in sorted(found))}" for k, found in a_pixel.items()),
-            all(len(found) == 1 for found in a_pixel.values()),
-        ),
-        claim(
             "4a", "a buffer must accommodate S_VB at most", views, "no pass captures more than S_VB",
-            "; ".join(f"P = {k}: {100 / factor:.3g} percent of it" for k, factor in fullest.items()),
-            min(fullest.values()) >= 1.0,
+            "; ".join(said.values()), min(fullest.values()) >= 1.0,
         ),
         claim(
-            "4a", "a buffer must accommodate as much as S_VB", views,
-            "for each P a pass of some scene fills it (over-allocation 1); depends where that is so for some P",
-            "; ".join(f"P = {k}: x {factor:g}" for k, factor in fullest.items()),
-            all_or_some([factor == 1.0 for factor in fullest.values()]),
+            "4a", "a buffer must accommodate as much as S_VB", f"{views}; P = {shown}",
+            "a pass of some scene fills it", said[shown], fullest[shown] == 1.0,
         ),
         claim(
-            "3", "rays correspond one to one to point primitives", views,
-            "each pass draws as many vertices as the pass before captured", f"{len(followed)} pairs of passes",
-            all(row["vertices_out"] == after["vertices_in"] for row, after in followed),
+            "4a", "a buffer must accommodate as much as S_VB", f"{views}; more passes",
+            "for each P a pass of some scene fills it; depends where for some",
+            "; ".join(said[k] for k in deeper), all_or_some([fullest[k] == 1.0 for k in deeper]),
         ),
-        claim(
-            "4.3", "the number of passes equals the depth of the recursion", views,
-            "the last of P passes emits no new ray, those before do",
-            f"last passes {spawned[True]}, passes before {spawned[False]} rays",
-            spawned[True] == 0 < spawned[False],
-        ),
+        one_to_one(own, views),
     ]  # fmt: skip
 
 
-def text_claims() -> Rows:
-    """What the text's own numbers say of each other."""
-    computed = published.buffer_bytes() / 2**20
-    found = [
-        claim(
-            "4a", f"S_VB = 512 * 512 * (2 + 1) * 64 bytes = {published.SAID_BUFFER_MBYTES} Mbytes", "text",
-            "the product is that many MiB", f"{computed:g} MiB", computed == published.SAID_BUFFER_MBYTES,
-        )
-    ]  # fmt: skip
-    for name, (rate, time) in published.TABLE_2.items():
-        shot = published.rate_of(time)
-        found.append(
-            claim(
-                "Table 2", f"{rate:g} million rays a second, {name}", "text",
-                "512 * 512 rays in the milliseconds printed beside, to the last digit of the time",
-                f"{shot:.6f} million/s", abs(shot / rate - 1.0) <= 0.05 / time,
-            )
-        )  # fmt: skip
-    least, most = published.SAID_SLOWER
-    fragment = published.TABLE_2["fragment shader"][1]
-    alone = published.TABLE_2["no geometry shader"][1] / fragment
-    found.append(
-        claim(
-            "6", "the vertex shader even without a geometry shader performs 2-3 times worse", "text",
-            f"the quotient of Table 2's times is within {least} and {most}", f"{alone:.2f}", least <= alone <= most,
-        )
+def one_to_one(rows: Rows, views: str) -> Row:
+    """The abstract and section 3: a point a ray, and what is drawn besides."""
+    drawn: dict[tuple[str, int], list[int]] = {}
+    apart = 0
+    for row, before in zip(rows, [None, *rows], strict=False):
+        # Rays shot, counted where they were emitted: a pixel each in the first pass, then what the pass before spawned
+        shot = row["size_px"] ** 2
+        finished = 0
+        if row["pass"] and before is not None:
+            shot = sum(before[f"{kind}_vertices"] for kind in gsr_figure_4.KINDS if kind.startswith("spawned"))
+            finished = before["vertices_out"] - shot
+        apart += row["vertices_in"] != shot + finished
+        points = drawn.setdefault((row["view"], row["passes"]), [0, 0])
+        points[0] += row["vertices_in"]
+        points[1] += shot
+    factors: dict[int, list[float]] = {}
+    for (_, passes), (points_drawn, rays) in drawn.items():
+        factors.setdefault(passes, []).append(points_drawn / rays)
+    good = [all(factor == 1.0 for factor in own) for own in factors.values()]
+    return claim(
+        "abstract", "rays correspond one to one to point primitives", views,
+        "points drawn are rays shot and rays finished in the pass before, and for each P as many points are drawn as "
+        "rays are shot; depends where for some P only",
+        f"{apart} passes in which points are not rays shot and finished; points a ray "
+        + "; ".join(f"P = {k}: x {span(own)}" for k, own in factors.items()),
+        False if apart else all_or_some(good),
     )  # fmt: skip
-    quotients = [
-        published.milliseconds(scene, mode, True) / published.milliseconds(scene, mode, False)
-        for scene in published.TABLE_3 for mode in published.MODES
-    ]  # fmt: skip
-    within = [least <= round(q) <= most for q in quotients]
-    found.append(
-        claim(
-            "4b", "2-3 fold worse performance than the previous work", "text",
-            f"every quotient of Table 3's times rounds to {least} or {most}; depends where some do",
-            f"{span(quotients)}; {sum(within)} of {len(within)} do", all_or_some(within),
-        )
-    )  # fmt: skip
-    return found
 
 
-def work_claims(figure_1: Rows, figure_4: Rows, table_3: Rows) -> Rows:
-    """Figures 1d and 4b, Table 3."""
+def work_claims(figure_1: Rows, figure_4: Rows) -> Rows:
+    """Figures 1d and 4b."""
     found = []
     cost = {row["panel"]: row["cells"] + row["triangle_tests"] for row in figure_1 if row["triangles"] != MISSING}
     if {"c", "d"} <= set(cost):
@@ -129,15 +88,6 @@ def work_claims(figure_1: Rows, figure_4: Rows, table_3: Rows) -> Rows:
                 f"x {cost['d'] / cost['c']:.1f}", cost["d"] >= APPARENT * cost["c"],
             )
         )  # fmt: skip
-    said = [row["published_ms_ratio_of_methods"] for row in gsr_table_3.ratios(table_3)]
-    steps = [row["steps_ratio_of_methods"] for row in gsr_table_3.ratios(table_3)]
-    found.append(
-        claim(
-            "6", "both shaders do the same, so that 'the performance should stay constant'; the times say it does not",
-            "all scenes", "the premise: cells and tests of both methods are equal in every scene and mode",
-            f"quotient {span(steps)}; of the paper's times {span(said)}", all(step == 1.0 for step in steps),
-        )
-    )  # fmt: skip
     bytes_of = {}
     for row in gsr_figure_4.of_part(figure_4, "b"):
         bytes_of[row["view"], row["mode"], row["method"]] = row["ray_bytes_read"] + row["ray_bytes_written"]
@@ -159,22 +109,14 @@ def work_claims(figure_1: Rows, figure_4: Rows, table_3: Rows) -> Rows:
 def share_claims(rows: Rows) -> Rows:
     """Section 5 and Table 1."""
     table = gsr_table_1.distribution(rows)
-    found = []
-    printed = [
-        published.share(scene, "vertex", mode) for scene in published.TABLE_1 for mode in published.MODES
-    ]
-    for body, shares in (
-        ("counted here", [row["vertex_percent"] for row in table]),
-        ("the paper's numbers", [share for share in printed if share is not None]),
-    ):
-        found.append(
-            claim(
-                "5", "with naive intersection computation is limited by the vertex shader", body,
-                "more than half of the operations are the vertex shader's in every scene and mode; depends where in "
-                "some",
-                f"{span(shares)} percent", all_or_some([share > 50.0 for share in shares]),
-            )
-        )  # fmt: skip
+    shares = [row["vertex_percent"] for row in table]
+    found = [
+        claim(
+            "5", "with naive intersection computation is limited by the vertex shader", "counted here",
+            "more than half of the operations are the vertex shader's in every scene and mode; depends where in some",
+            f"{span(shares)} percent", all_or_some([share > 50.0 for share in shares]),
+        )
+    ]  # fmt: skip
     by_mode = {mode: [row["vertex_percent"] for row in table if row["mode"] == mode] for mode in MODES}
     found.append(
         claim(

@@ -2,9 +2,10 @@
 
 One render target (GSR-E8) is held against the layers of section 4.4, "ray generations should be sorted and rendered to
 multiple render targets", for 1 to 4 passes, 1 to 3 lights, and rays that go on or not. Ambient light stays in the
-light's target in both (GSR-E10), so that what differs is the composition alone. Then the fixed emission order of
-section 4.3, "first the input ray, later the shadow and finally the specular reflected ray", is permuted, on one target
-and on layers. Recursive Ray Tracing in Geometry Shader.
+light's target in both (GSR-E10), so that what differs is the composition alone. Where the text says that Eq. 1 serves,
+Eq. 1 as printed, with its own tables of α_src and RGB_src before a black clear colour, is held against the layers too.
+Then the fixed emission order of section 4.3, "first the input ray, later the shadow and finally the specular reflected
+ray", is permuted, on one target and on layers. Recursive Ray Tracing in Geometry Shader.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ from refsim.image import encode_srgb
 from refsim.scene.animation import moving_light
 from refsim.scene.light import PointLight
 
-TARGETS = {"one target": "GSR-E8,GSR-E10", "layers": "GSR-E10"}
+AS_PRINTED = "Eq. 1 as printed"
+TARGETS = {"one target": "GSR-E8,GSR-E10", "layers": "GSR-E10", AS_PRINTED: "GSR-E1,GSR-E8,GSR-E9,GSR-E10"}
+BLACK = (0.0, 0.0, 0.0)
 SECONDARY = {
     "none": {"reflections": False, "refractions": False},
     "reflected": {"refractions": False},
@@ -59,23 +62,36 @@ def lights_for(view: str, count: int) -> tuple[PointLight, ...]:
 
 @lru_cache(maxsize=16)
 def picture(
-    view: str, size: int, passes: int, lights: int, secondary: str, targets: str, order: str = "listed"
-) -> tuple[NDArray[np.float32], Row]:
-    """An image and what its rows open with."""
+    view: str, size: int, passes: int, lights: int, secondary: str, targets: str, order: str = "listed",
+    black: bool = False,
+) -> tuple[NDArray[np.float32], Row]:  # fmt: skip
+    """An image and what its rows open with; before the usual background, or a black one."""
+    behind = {"background": BLACK} if black else {}
     found = run(
         GEOMETRY_SHADER, view, size, passes=passes, lights=lights_for(view, lights), errata=TARGETS[targets],
-        emission_order=order, **SECONDARY[secondary],
+        emission_order=order, **SECONDARY[secondary], **behind,
     )  # fmt: skip
     assert found.image is not None
     return found.image, head(view, size, found)
 
 
+def in_scope(passes: int, lights: int, secondary: str) -> bool:
+    """Whether section 4.4 says that Eq. 1 serves: one light, shadows and one bounce of reflections."""
+    return lights == 1 and passes <= 2 and secondary in ("none", "reflected")
+
+
 def measure(view: str, size_px: int, passes: int, lights: int, secondary: str, order: str = "") -> Rows:
-    """A row a composition: one target against the layers, or both against the listed order on layers."""
-    right, first = picture(view, size_px, passes, lights, secondary, "layers")
+    """A row a composition: one target against the layers, and as printed where that is to serve; or both against the
+    listed order on layers."""
+    if order:
+        compositions = ["one target", "layers"]
+    else:
+        compositions = ["one target", *([AS_PRINTED] if in_scope(passes, lights, secondary) else [])]
     rows = []
-    for targets in ("one target", "layers") if order else ("one target",):
-        image, _ = picture(view, size_px, passes, lights, secondary, targets, order or "listed")
+    for targets in compositions:
+        black = targets == AS_PRINTED
+        right, first = picture(view, size_px, passes, lights, secondary, "layers", black=black)
+        image, _ = picture(view, size_px, passes, lights, secondary, targets, order or "listed", black)
         apart = np.abs(image.astype(np.float64) - right).max(axis=2)
         rows.append(
             {
@@ -120,7 +136,7 @@ def _draw_limits(figure: Any, rows: Rows) -> None:
     for axes, count in zip(figure.subplots(1, len(lights), sharey=True, squeeze=False)[0], lights, strict=True):
         share, changed = (np.zeros((len(kinds), len(passes))) for _ in range(2))
         for row in rows:
-            if row["lights"] == count:
+            if row["lights"] == count and row["targets"] == "one target":
                 at = kinds.index(row["secondary_rays"]), passes.index(row["passes"])
                 share[at] = 100.0 * row["pixels_visibly_changed"] / row["size_px"] ** 2
                 changed[at] = row["pixels_changed"]
@@ -161,7 +177,8 @@ EXPERIMENT = Experiment(
     "Above: 256² (64² and one light with `--quick`); share of pixels in which one render target, blended by Eq. 1 in "
     "buffer order, differs from a target a light and a layer a surface ray by more than half an 8-bit step; `equal` is "
     "the same bits. Eq. 1 is right without shadows (P = 1), and for one light up to the first shadow in a reflection "
-    "(P = 2). Below: the torus knot in two passes, emission order as listed and permuted; `reflected first` lets the "
+    "(P = 2), if a shadow adds nothing; with the printed (1, 1, 1) it adds white (rows of the table). Below: the torus "
+    "knot in two passes, emission order as listed and permuted; `reflected first` lets the "
     "shadow of the eye's hit extinguish what the mirror shows, while layers do not depend on the order.",
     cases,
     measure,

@@ -17,6 +17,7 @@ import numpy as np
 from refsim.experiments import style
 from refsim.experiments.caustic_pictures import lit_scene, picture
 from refsim.experiments.registry import Case, Experiment, Row, Rows, Tables
+from refsim.experiments.verdicts import claim
 from refsim.papers.hierarchical_ray_engine.caustics import Caustic, ParallelLight, Receiver, caustic
 from refsim.reference import caustics as exact
 from refsim.scene import Scene, load_scene
@@ -28,6 +29,7 @@ HALF = 1.0  # half the side of a ball's receiver, in radii
 INNERMOST, OUTERMOST = 0.01, 0.95
 LOWEST_HEIGHT, HIGHEST_HEIGHT = 0.02, 0.8
 PROFILE, RINGS, LANDING, PICTURED = (f"caustics-{name}" for name in ("profile", "rings", "landing", "pictures"))
+ROUNDING = 1e-12  # float64 sums of up to two million parts of one size: 2^-53 times the root of their number, and more
 FATES = ("caustic", "direct", "absorbed", "left", "unfinished")
 
 
@@ -184,7 +186,21 @@ def tables(rows: Rows, others: Mapping[str, Rows]) -> Tables:
     found: dict[str, Rows] = {table: [] for table in ("caustics", PROFILE, RINGS, LANDING, PICTURED)}
     for row in rows:
         found[row["table"]].append({name: value for name, value in row.items() if name != "table"})
-    return found
+    return {**found, "caustics-verdicts": [_adds_up(row) for row in found["caustics"]]}
+
+
+def _adds_up(row: Row) -> Row:
+    """Whether all light that is sent is found again, and makes a caustic."""
+    body = ", ".join(str(row[name]) for name in ("part", "body", "shading", "plane_radii") if row[name] != "")
+    return claim(
+        "9", "caustics by the engine", body,
+        f"photons make a caustic; what is sent falls on the receiver, is absorbed, leaves or is unfinished, to "
+        f"{ROUNDING:g} of it, and the light map holds what fell, to the rounding of its texels",
+        f"{row['photons_caustic']} photons make it; {row['account_open_w']:g} of {row['sent_w']:g} W are not found "
+        f"again; the map is off by {row['light_map_off_w']:g} W, may be by {row['light_map_off_bound_w']:g}",
+        row["photons_caustic"] > 0 and row["account_open_w"] <= ROUNDING * row["sent_w"]
+        and row["light_map_off_w"] <= row["light_map_off_bound_w"],
+    )  # fmt: skip
 
 
 def plot(rows: Rows) -> Any:

@@ -13,6 +13,7 @@ from refsim.experiments.runs import HIERARCHICAL, RAY_ENGINE
 from refsim.experiments.verdicts import claim
 
 GENERATIONS = 5  # Figure 7's paths
+FAR_MORE = 10.0  # an order of magnitude
 
 
 def structure_claims(rows: Rows) -> Rows:
@@ -31,7 +32,34 @@ def structure_claims(rows: Rows) -> Rows:
             )
         )  # fmt: skip
         found += _tile_tests(body, figure_7.select(own, engine=HIERARCHICAL))
+        found += [_directions(body, own), _more_quads(body, figure_7.select(own, engine=HIERARCHICAL))]
     return found
+
+
+def _directions(body: str, own: Rows) -> Row:
+    """The shader that intersects also bends: `shaders.intersection_fragment`, the same for both engines."""
+    off = 0
+    for row in own:
+        cones = 0 if row["engine"] == RAY_ENGINE else (row["size_px"] // row["tile_px"]) ** 2 * GENERATIONS
+        off += row["fragment_shader_runs"] - cones != row["triangle_tests"]
+    return claim(
+        "7", "both calculate a refracted direction for every intersection test", body,
+        "both are done by one shader: fragment shader runs, but one a cone built, are the ray-triangle tests, in every "
+        "run of both engines",
+        f"{off} of {len(own)} runs differ", off == 0,
+    )  # fmt: skip
+
+
+def _more_quads(body: str, own: Rows) -> Row:
+    """Sprites that are left after the test in the vertex shader; the Ray Engine draws a quad a triangle."""
+    times = [row["pairs_kept"] / (row["triangles"] * GENERATIONS) for row in own]
+    return claim(
+        "3", "far more quads are rendered", body,
+        f"at least {FAR_MORE:g} sprites are drawn for a quad of the Ray Engine, in every run; depends where more than "
+        "one",
+        f"x {min(times):.3g} to {max(times):.3g}",
+        True if min(times) >= FAR_MORE else None if min(times) > 1.0 else False,
+    )  # fmt: skip
 
 
 def _tile_tests(body: str, own: Rows) -> Rows:

@@ -95,10 +95,26 @@ def half_angle(cones: Cones) -> Vectors:
 
 
 def condition(count: int) -> Found:
-    """x · r < cos φ in float32, exactly where the direction is out of the cone; corrected: by the sine as well.
+    """x · r < cos φ, in float64, exactly where the direction is out of the cone; the kernel has it by the sine."""
+    clear, far, exact, _, near = _about_the_edge(count)
+    r = normalise(near.astype(np.float64))
+    by_sine = twin.outside(dot(exact.axis, r), length(cross(exact.axis, r)), exact.cos, exact.sin)
+    wrong = [number((says != far) & clear) for says in (dot(exact.axis, r) < exact.cos, by_sine)]
+    return Found(number(clear), steps_differ(count, 0, ()), *wrong)
 
-    float32 cannot tell the cosine of a small angle from 1. Angles within a hundredth of φ of it are not counted.
-    """
+
+def condition_in_float32(count: int) -> Found:
+    """The same in float32, which cannot tell the cosine of a small angle from 1; corrected: by the sine as well."""
+    clear, far, _, cones, near = _about_the_edge(count)
+    along, across = dot(cones.axis, near), length(cross(cones.axis, near))
+    by_sine = twin.outside(along, across, cones.cos, cones.sin)
+    wrong = [number((says != far) & clear) for says in (along < cones.cos, by_sine)]
+    return Found(number(clear), steps_differ(count, 0, ()), *wrong)
+
+
+def _about_the_edge(count: int) -> tuple[Vectors, Vectors, Cones, Cones, Vectors]:
+    """Which directions are clear of their cone's edge, by a hundredth of φ; which lie outside; the cones, float64 and
+    float32; the directions, float32."""
     cones, _, _ = drawn(count)
     rng = np.random.default_rng(46)
     exact = doubled(cones)
@@ -107,11 +123,7 @@ def condition(count: int) -> Found:
     turn = np.tan(rng.uniform(0.0, 1.0, count) * half_angle(exact))
     near = normalise(exact.axis + 2.0 * turn[:, None] * aside).astype(np.float32)
     theta, phi = angle(exact.axis, normalise(near.astype(np.float64))), half_angle(exact)
-    clear = np.abs(theta - phi) > 0.01 * phi
-    along, across = dot(cones.axis, near), length(cross(cones.axis, near))
-    by_sine = twin.outside(along, across, cones.cos, cones.sin)
-    wrong = [number((says != (theta > phi)) & clear) for says in (along < cones.cos, by_sine)]
-    return Found(number(clear), steps_differ(count, 0, ()), *wrong)
+    return np.abs(theta - phi) > 0.01 * phi, theta > phi, exact, cones, near
 
 
 def away(count: int) -> Found:

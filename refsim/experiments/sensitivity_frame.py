@@ -20,6 +20,7 @@ from refsim.experiments.runs import MISSING, mesh_state
 
 Config = Mapping[str, Any]
 HOLDS, FAILS = "yes", "no"
+RULED_OUT = "ruled out"  # `counted` of a setting that the claim's own words exclude
 RATIO, DIFFERENCE = "ratio", "difference"
 # The cameras of all papers' sweeps but each one's own, which is `front`: directions from the scene to the eye
 DIRECTIONS: dict[str, tuple[float, float, float]] = {
@@ -246,7 +247,7 @@ def _strongest(own: Rows, spread: str) -> tuple[str, float]:
     """The parameter whose settings' values are furthest apart, and how far."""
     found: dict[str, list[float]] = {}
     for line in own:
-        if line["holds"] != MISSING:
+        if line["holds"] != MISSING and line["counted"] != RULED_OUT:
             found.setdefault(line["parameter"], []).append(line["value"])
     by = {name: max(values) / min(values) if spread == RATIO else max(values) - min(values)
           for name, values in found.items()}  # fmt: skip

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from refsim.experiments import hre_claims_shoot_out, style
 from refsim.experiments import shoot_out_runs as runs
-from refsim.experiments import style
 from refsim.experiments.registry import Case, Experiment, Row, Rows, Tables
 from refsim.experiments.runs import MISSING, mesh_state, scene_named
 
@@ -115,8 +115,9 @@ def _crossing(gains: list[tuple[int, float]]) -> Row:
 
 
 def tables(rows: Rows, others: Mapping[str, Rows]) -> Tables:
-    """All runs; who wins where; where one overtakes another."""
-    return {"shoot-out": rows, "shoot-out-winners": winners(rows), "shoot-out-crossings": crossings(rows)}
+    """All runs; who wins where; where one overtakes another; what a paper says of that."""
+    found = {"shoot-out": rows, "shoot-out-winners": winners(rows), "shoot-out-crossings": crossings(rows)}
+    return {**found, "shoot-out-hre": hre_claims_shoot_out.claims(rows)}
 
 
 COLORS = dict(zip(runs.CONTENDERS, (style.BLACK, style.FAINT, style.VERMILION, style.BLUE, style.SKY, style.PURPLE,

@@ -14,6 +14,7 @@ from typing import Any
 from refsim.experiments import style
 from refsim.experiments.registry import Case, Experiment, Row, Rows, Tables
 from refsim.experiments.runs import HIERARCHICAL, counts, fill_of, run
+from refsim.experiments.verdicts import claim
 
 SCENES = ("torus_knot_1024", "blob_1000", "sphere_896")
 TILES = (1, 2, 4, 8, 16, 32, 64)
@@ -76,8 +77,25 @@ def break_even(row: Row, half: Row) -> float:
 
 
 def tables(rows: Rows, others: Mapping[str, Rows]) -> Tables:
-    """Counters, and costs."""
-    return {"tile-size": rows, "tile-size-costs": costs(rows)}
+    """Counters, costs, and whether the scenes have one optimum."""
+    return {"tile-size": rows, "tile-size-costs": costs(rows), "tile-size-verdicts": verdicts(rows)}
+
+
+def verdicts(rows: Rows) -> Rows:
+    """Whether the cheapest tile is another one for another scene, at each price."""
+    found = []
+    for price in PRICES:
+        best = {}
+        for scene in dict.fromkeys(row["scene"] for row in rows):
+            own = [row for row in rows if row["scene"] == scene]
+            best[style.body_name(scene)] = min(own, key=lambda row: priced(row, price))["tile_px"]
+        found.append(
+            claim("7.1", "the optimum tile size may depend on the scene", f"price {price:g}",
+                  "with a cone test and a ray visited at this price in ray-triangle tests, not all scenes have one "
+                  "cheapest tile",
+                  ", ".join(f"{name} {tile}" for name, tile in best.items()) + " pixels", len(set(best.values())) > 1)
+        )  # fmt: skip
+    return found
 
 
 def plot(rows: Rows) -> Any:

@@ -14,12 +14,15 @@ from typing import Any
 from refsim.experiments import style
 from refsim.experiments.registry import Case, Experiment, Row, Rows, Tables
 from refsim.experiments.runs import HIERARCHICAL, counts, fill_of, run
+from refsim.experiments.verdicts import claim
 
 SCENES = ("torus_knot_1024", "blob_1000", "sphere_896")
 SIZES, QUICK_SIZES = (128, 256, 512), (64, 128)
 READINGS = ("size", "count")
 SIXTEEN = 16
 PAPER_SIZE = 256  # section 7.1 and Figure 5
+RAY_FLOATS = 7  # of a ray's two texels: origin and t_max, direction
+LITTLE = 1.0  # percent
 CONE_FLOATS = 9  # of a cone as it is read back: apex, axis, cosine, sine, slack
 COMPARED = ("cones_built", "cone_tests", "pairs_kept", "triangle_tests", "read_back_bytes")
 
@@ -86,8 +89,25 @@ def readings(rows: Rows) -> Rows:
 
 
 def tables(rows: Rows, others: Mapping[str, Rows]) -> Tables:
-    """All runs, and the readings side by side."""
-    return {"tiles-16": rows, "tiles-16-readings": readings(rows)}
+    """All runs, the readings side by side, and what is read back."""
+    return {"tiles-16": rows, "tiles-16-readings": readings(rows), "tiles-16-verdicts": verdicts(rows)}
+
+
+def verdicts(rows: Rows) -> Rows:
+    """How little is read back where the texture of cones has 16 × 16 texels, beside what the ray textures hold."""
+    found = []
+    for row in [row for row in rows if row["reading"] == "count"]:
+        iterations = row["cones_built"] // row["tiles"]
+        share = 100.0 * row["read_back_bytes"] / (4 * RAY_FLOATS * row["size_px"] ** 2 * iterations)
+        found.append(
+            claim("3", "reading the cones back is not expensive", f"{style.body_name(row['scene'])}, {row['size_px']}²",
+                  f"the cones of {row['sixteen']} × {row['sixteen']} tiles are at most {LITTLE:g} percent of the bytes "
+                  f"of the rays that they enclose; depends up to {10 * LITTLE:g}",
+                  f"{row['read_back_bytes'] // iterations} bytes an iteration, {share:.2f} percent",
+                  True if share <= LITTLE else None if share <= 10 * LITTLE else False)
+            | {"size_px": row["size_px"]}
+        )  # fmt: skip
+    return found
 
 
 def plot(rows: Rows) -> Any:

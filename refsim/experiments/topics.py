@@ -45,13 +45,18 @@ from refsim.experiments import (
     gsr_figure_4,
     gsr_moving_light,
     gsr_order,
+    gsr_paper_case,
+    gsr_set_up,
+    gsr_stages,
     gsr_table_1,
     gsr_table_2,
     gsr_table_3,
     hre_behind_glass,
     hre_caustics,
     hre_claims,
+    hre_coherence,
     hre_equations,
+    hre_few,
     sensitivity,
     sensitivity_grid,
     sensitivity_hierarchy,
@@ -71,7 +76,7 @@ TOPICS: dict[str, tuple[Experiment, ...]] = {
         module.EXPERIMENT
         for module in (
             cover, figure_1, figure_2, figure_3, figure_4, figure_5, figure_6, figure_7, tile_size, tiles_16,
-            tightest_cone, glass_mirrors, depth_24, depth_24_sheets, errata, hre_equations,
+            tightest_cone, glass_mirrors, depth_24, depth_24_sheets, errata, hre_equations, hre_coherence, hre_few,
             hre_behind_glass, hre_caustics, hre_claims,
         )
     ),
@@ -79,7 +84,7 @@ TOPICS: dict[str, tuple[Experiment, ...]] = {
         module.EXPERIMENT
         for module in (
             gsr_figure_1, gsr_figure_3, gsr_figure_4, gsr_table_1, gsr_table_2, gsr_table_3, gsr_errata, gsr_order,
-            gsr_moving_light, gsr_equations, gsr_claims,
+            gsr_moving_light, gsr_equations, gsr_paper_case, gsr_stages, gsr_set_up, gsr_claims,
         )
     ),
     "bsh": tuple(

@@ -73,8 +73,18 @@ def test_rings_lie_where_the_formula_puts_them() -> None:
 def test_tables_take_every_row_once(landed) -> None:
     rows = [row for tables in landed.values() for row in tables.values()]
     found = caustics.tables(rows, {})
+    verdicts = found.pop("caustics-verdicts")
     assert {stem: len(own) for stem, own in found.items() if own} == Counter(row["table"] for row in rows)
     assert all("table" not in row for own in found.values() for row in own)
+    assert [line["verdict"] for line in verdicts] == ["holds"] * len(found["caustics"])
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("photons_caustic", 0), ("account_open_w", 1e-10), ("light_map_off_w", 1.0)]
+)
+def test_light_that_is_lost_is_seen(name, value, landed) -> None:
+    rows = [{**row, name: value} for tables in landed.values() for row in tables.values() if row["table"] == "caustics"]
+    assert {line["verdict"] for line in caustics.tables(rows, {})["caustics-verdicts"]} == {"fails"}
 
 
 @pytest.fixture(scope="module")

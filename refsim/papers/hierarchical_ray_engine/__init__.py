@@ -37,5 +37,9 @@ Deviations, beside the errata HRE-E1…E7 (`refsim.geometry.cone.Printed`, optio
       why, `refsim.geometry.cone`. Spheres are as large as the hits that float32 accepts (`refsim.geometry.sphere`).
     - t of the translation is −(w cos φ − z sin φ) / (2 sin φ cos φ), the same number as g²/(e·g) without the difference
       of vectors; HRE-E4 as printed is evaluated without arc functions, where both sides have the same sign.
+    - Section 4 carries normals at the vertices; its text does not say which normal bends a ray. The method bends by the
+      triangle's (`shading="geometric"`) unless told, and so do Figure 4, the tile sizes and most views of Figure 7;
+      `shading="smooth"` bends by the vertices' normals, as in Figures 5 and 6, and Figure 7 and the table of coherence
+      give both. Which one matters: rays stay closer together by smooth normals.
     - The layout's plane offset and texture coordinates are carried and not read; the surface rides in texture 0's w.
 """
