@@ -27,7 +27,19 @@ def head_claims(rows: Rows) -> Rows:
     found: Rows = []
     for rule in RULES:
         found += [*_cells_against_polygons(six, rule), *_polygons(six, rule)]
-    return [*found, *_planes(six), *_octants(own)]
+    return [*found, *_planes(six), *_octants(own), *_bare_parts(six)]
+
+
+def _bare_parts(rows: Rows) -> Rows:
+    """Parts of the screen whose rays all miss: their head is the end of the list, and they visit no node."""
+    return [
+        claim(
+            "3", "eye rays of some part of the screen may all miss all primitives",
+            f"{body_of(row)}, {row['screen_cells']} × {row['screen_cells']} cells", "rays of some cells visit no node",
+            f"{row['no_node_percent']:g} percent of the rays", row["no_node_percent"] > 0,
+        )
+        for row in rows if (row["heads"], row["head_rule"]) == ("cells", "leaf")
+    ]  # fmt: skip
 
 
 def changes(rows: Rows, rule: str, heads: str, cells: int | str = "") -> dict[str, dict[str, float]]:

@@ -79,6 +79,7 @@ def _change(plain: Any, nodes: Any) -> Row:
         "more_percent": round(100.0 * told.share_more, 3),
         "fewer_percent": round(100.0 * told.fewer / told.rays, 3),
         "most_more": told.most_more,
+        "no_node_percent": round(100.0 * float(np.mean(nodes == 0)), 3),
     }
 
 
@@ -166,7 +167,7 @@ EXPERIMENT = Experiment(
     "16 screen cells; shadow rays, and rays off the same surfaces as mirrors, with regular per-polygon heads. The "
     "last bin is open. The table also has Suzanne, simple heads, per-polygon heads with eight lists, and grids of 8 to "
     "64 cells a side: means, the share of rays that visit more nodes "
-    "than without heads, and by how many at most.",
+    "than without heads, and by how many at most, and of those that visit none.",
     cases,
     measure,
     plot,

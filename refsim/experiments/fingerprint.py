@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import sys
 from collections.abc import Callable
@@ -14,15 +15,12 @@ from refsim.experiments.registry import Experiment
 
 PACKAGE = Path(refsim.__file__).parent
 EXPERIMENTS = "experiments"
+ROOM = "refsim.experiments"
 # Rooms and files that compute nothing of a row
 SILENT = {EXPERIMENTS, "oracle", "cli.py", "cli_options.py", "doctor.py", "progress.py", "image.py", "__main__.py"}
-# Modules of the room that several measurements call
-SHARED = (
-    "runs", "pictures", "gsr_runs", "gsr_moved", "gsr_published", "bsh_runs", "bsh_small", "bsh_published",
-    "sensitivity_frame", "sensitivity_list_runs", "equations", "hre_equations_checks", "hre_equations_spheres",
-    "hre_equations_kernels", "gsr_equations_checks", "gsr_equations_colours", "bsh_equations_lists",
-    "bsh_equations_rays", "caustic_pictures", "construction", "depth_24", "depth_24_kernels",
-)  # fmt: skip
+# Modules of the room that only draw: no row depends on them
+DRAWING = ("style", "registry")
+DRAWN = "_plot"  # the end of their names
 
 
 @cache
@@ -56,12 +54,36 @@ def _home(work: Callable[..., object]) -> str:
     return Path(file).relative_to(PACKAGE).as_posix() if file and Path(file).is_relative_to(PACKAGE) else ""
 
 
+@cache
+def _imported(module: str) -> frozenset[str]:
+    """Modules of the room that a module of the room imports, anywhere in it, as written in its source."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse((PACKAGE / EXPERIMENTS / f"{module}.py").read_bytes())):
+        if isinstance(node, ast.ImportFrom) and node.module == ROOM:
+            found |= {name.name for name in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add((node.module or "").removeprefix(f"{ROOM}."))
+        elif isinstance(node, ast.Import):
+            found |= {name.name.removeprefix(f"{ROOM}.") for name in node.names}
+    return frozenset(name for name in found if f"{EXPERIMENTS}/{name}.py" in _sources())
+
+
+def measuring(experiment: Experiment) -> set[str]:
+    """Files of the room in which the experiment's cases are stated and measured, and all that these import."""
+    left = [Path(_home(work)).stem for work in (experiment.cases, experiment.measure) if _home(work)]
+    found: set[str] = set()
+    while left:
+        module = left.pop()
+        if module not in found and module not in DRAWING and not module.endswith(DRAWN):
+            found.add(module)
+            left += _imported(module)
+    return {f"{EXPERIMENTS}/{module}.py" for module in found}
+
+
 def rows_key(experiment: Experiment) -> str:
-    """Version, numerical rooms, and the modules in which the experiment's cases are stated and measured."""
-    shared = {f"{EXPERIMENTS}/{name}.py" for name in SHARED}
-    own = {_home(experiment.cases), _home(experiment.measure)}
+    """Version, numerical rooms, and the modules that state the experiment's cases and measure them."""
     facts = (refsim.__version__, _version("numpy"), _version("numba"), experiment.id)
-    return _digest(_numerical() | shared | own, *facts)
+    return _digest(_numerical() | measuring(experiment), *facts)
 
 
 def plot_key(experiment: Experiment, rows_text: str) -> str:

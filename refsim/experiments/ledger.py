@@ -7,17 +7,19 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
+from refsim.errors import InputError
 from refsim.experiments.ledger_committed import Committed, canonical, digest, read_committed, write_committed
 from refsim.experiments.ledger_evidence import Evidence, evidence_of
 from refsim.experiments.ledger_file import ANALYSIS, Claim, papers
 from refsim.experiments.ledger_rules import MISSING_MESH, NOT_MEASURED, RULES, Finding
 from refsim.experiments.outcome import Outcome
 from refsim.experiments.registry import Experiment, Row
-from refsim.experiments.runs import MISSING
+from refsim.experiments.runs import MISSING, PRESENT
 from refsim.experiments.topics import TOPICS
 
 SENSITIVITY = "sensitivity"
@@ -76,9 +78,15 @@ def judge(outcome: Outcome) -> Judgement:
 
 
 def accept(judgement: Judgement, outcome: Outcome) -> None:
-    """Make verdicts, evidence and rows of this run the committed ones; what was not run stays as it was."""
+    """Make verdicts, evidence and rows of this run the committed ones; what was not run stays as it was.
+
+    Raises `InputError` for a run that lacks meshes which the committed one had: it would commit less than was known.
+    """
     old = read_committed(outcome.size)
     known = known_experiments()
+    lost = _lost(outcome, old)
+    if lost:
+        raise InputError(f"this run cannot be accepted: meshes that the committed one had are missing, as in {lost}.")
     rows = {
         name: {case: digest(rows) for case, rows in own.items()}
         for name, own in outcome.cases.items() if name in known and not known[name].timed
@@ -96,6 +104,16 @@ def _closure(experiment: str, known: dict[str, Experiment]) -> set[str]:
             found.add(name)
             left += known[name].needs
     return found
+
+
+def _lost(outcome: Outcome, committed: Committed) -> str:
+    """A case without its mesh that was committed with it, or ''."""
+    there, gone = (json.dumps(state) for state in (PRESENT, MISSING))
+    return next(
+        (case for name, own in outcome.cases.items() for case in own
+         if gone in case and case.replace(gone, there) in committed.rows.get(name, {})),
+        "",
+    )  # fmt: skip
 
 
 def _without_meshes(outcome: Outcome, committed: Committed) -> set[str]:
@@ -131,6 +149,7 @@ def _judge_claim(claim: Claim, outcome: Outcome, committed: Committed, bare: set
 def _entry(claim: Claim, finding: Finding, evidence: Evidence, outcome: Outcome) -> Row:
     rule = RULES[claim.rule]
     topic = _topic_of(claim.experiment)
+    quick = " --quick" if outcome.quick else ""
     return {
         "id": claim.name, "paper": claim.paper, "place": claim.place, "kind": claim.kind, "item": claim.item,
         "basis": claim.basis,
@@ -139,7 +158,7 @@ def _entry(claim: Claim, finding: Finding, evidence: Evidence, outcome: Outcome)
         "measured": finding.measured, "evidence": evidence.values, "missing": evidence.missing,
         "rule": rule.sentence, "tolerance": claim.tolerance, "reason": claim.reason, "open": list(claim.open),
         "erratum": claim.erratum, "verdict": finding.verdict, "why": finding.why,
-        "command": f"refsim reproduce {topic} --only {claim.experiment}" if topic else "",
+        "command": f"refsim reproduce {topic}{quick} --only {claim.experiment}" if topic else "",
         "sensitivity": _sensitivity(claim, outcome),
     }  # fmt: skip
 

@@ -21,12 +21,11 @@ EFFORT = {"lossless": True, "quality": 30, "method": 2}  # more effort takes lon
 
 @dataclass(frozen=True)
 class Embedded:
-    """A picture as a data URI, its size in pixels, the name of its file, and whether it is too wide for a telephone."""
+    """A picture as a data URI, its size in pixels, and whether it is too wide for a telephone."""
 
     uri: str
     width: int
     height: int
-    file: str
     wide: bool
 
 
@@ -44,7 +43,7 @@ def embedded(path: Path) -> Embedded:
             if smaller.tell() < len(data):
                 data, kind = smaller.getvalue(), "webp"
     text = base64.b64encode(data).decode("ascii")
-    return Embedded(f"data:image/{kind};base64,{text}", *size, path.name, inches > WIDE)
+    return Embedded(f"data:image/{kind};base64,{text}", *size, inches > WIDE)
 
 
 def _on_white(picture: Image) -> Image:

@@ -14,13 +14,13 @@ from refsim.experiments.ledger import Judgement
 from refsim.experiments.ledger_file import papers
 from refsim.experiments.outcome import Outcome
 from refsim.experiments.registry import Experiment, Rows
-from refsim.experiments.runs import MISSING, mesh_state
+from refsim.experiments.runs import MISSING, PRESENT, mesh_state
 from refsim.experiments.topics import TITLES, TOPICS
 from refsim.scene.known import KNOWN_MESHES
 
 FORMAT = 1
 NAME = "report.json"
-SAME = ("", MISSING, "present", "made", "the paper's mesh")
+SAME = ("", MISSING, PRESENT, "made", "the paper's mesh")
 PACKAGES = ("numpy", "numba", "scipy", "trimesh", "matplotlib")
 
 
@@ -57,7 +57,7 @@ def machine() -> dict[str, Any]:
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
         "packages": {name: doctor.installed_version(name) for name in PACKAGES},
-        "meshes": sorted(name for name in KNOWN_MESHES if mesh_state(name) == "present"),
+        "meshes": sorted(name for name in KNOWN_MESHES if mesh_state(name) == PRESENT),
     }
 
 

@@ -21,6 +21,7 @@ HIERARCHICAL, RAY_ENGINE = "hierarchical_ray_engine", "ray_engine"
 # hole and outline stay in view.
 FILL = {"torus_knot": 0.55, "blob": 0.55, "sphere": 0.40}
 MISSING = "missing"
+PRESENT = "present"
 
 
 def fill_of(scene: str) -> float:
@@ -33,7 +34,7 @@ def mesh_state(name: str) -> str:
     if name not in KNOWN_MESHES:
         return "made"
     path = find_mesh(name)
-    return "present" if path is not None and is_known_file(path) else MISSING
+    return PRESENT if path is not None and is_known_file(path) else MISSING
 
 
 @lru_cache(maxsize=4)

@@ -18,7 +18,6 @@ from refsim.experiments import shoot_out_runs as runs
 from refsim.experiments.registry import Case, Experiment, Row, Rows, Tables
 from refsim.experiments.runs import MISSING, mesh_state, scene_named
 
-CAPPED = "capped"
 TILE = 8
 
 

@@ -20,7 +20,6 @@ SCENES = ("torus_knot_1024", "blob_1000", "sphere_896")
 SIZES, QUICK_SIZES = (128, 256, 512), (64, 128)
 READINGS = ("size", "count")
 SIXTEEN = 16
-PAPER_SIZE = 256  # section 7.1 and Figure 5
 RAY_FLOATS = 7  # of a ray's two texels: origin and t_max, direction
 LITTLE = 1.0  # percent
 CONE_FLOATS = 9  # of a cone as it is read back: apex, axis, cosine, sine, slack

@@ -99,6 +99,11 @@ def test_filters_hide_what_they_say(tab: Any, written: Path) -> None:
 
 def test_the_committed_page_is_whole(tab: Any) -> None:
     assert see(tab, COMMITTED) == Seen()
+    # Links beside the page lead to files
+    links = tab.evaluate("() => [...document.links].map(link => link.getAttribute('href'))")
+    beside = {link for link in links if not link.startswith("#")}
+    assert len(beside) > 100
+    assert [link for link in sorted(beside) if not (COMMITTED.parent / link).is_file()] == []
     assert tab.evaluate(CONTRAST) == []
     tab.evaluate(OPEN)
     assert tab.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0

@@ -91,7 +91,7 @@ def make_report() -> dict[str, Any]:
             experiment("claims-hre", "hre", "Claims", picture=None, alt="", tables={
                 "claims-hre": [{**LINE, "claim": "few are kept", "measured": "12 percent"}]}),
             experiment("gsr-table-1", "gsr", "Table 1: shaders"),
-            experiment("speed", "across", "By the clock", timed=True),
+            experiment("speed", "across", "By the clock", timed=True, picture="timings/speed.png"),
         ],
         "ledger": entries,
         "summary": counts,
@@ -107,4 +107,5 @@ def draw_pictures(out: Path, report: dict[str, Any], size: tuple[int, int] = (96
         values = np.zeros((size[1], size[0], 4), np.uint8)
         values[..., place % 3], values[..., 3] = across, 255 - across // 2
         mode = ("RGBA", "RGB", "P")[place % 3]
+        (out / one["picture"]).parent.mkdir(exist_ok=True)
         Image.fromarray(values).convert(mode).save(out / one["picture"])

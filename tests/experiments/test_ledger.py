@@ -17,6 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from refsim.errors import InputError
 from refsim.experiments import ledger, ledger_committed, topics
 from refsim.experiments.ledger_file import Claim, read_paper
 from refsim.experiments.ledger_rules import (
@@ -229,6 +230,21 @@ def test_missing_mesh_is_not_compared(small: Outcome) -> None:
     cases = {'{"case": 1}': [{"v": 3}], '{"case": 2, "mesh": "missing"}': [{"other": "missing"}]}
     found = ledger.judge(run(4, 4, cases={"e": cases}))
     assert found.differs == [] and len(found.not_compared) == 2
+
+
+def test_run_without_its_meshes_is_not_accepted(small: Outcome, tmp_path: Path) -> None:
+    cases = {'{"case": 1}': [{"v": 3}], '{"case": 2, "mesh": "missing"}': [{"other": "missing"}]}
+    outcome = run(4, 4, cases={"e": cases})
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(InputError, match="missing"):
+        ledger.accept(ledger.judge(outcome), outcome)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize(("quick", "command"), [(False, "hre --only e"), (True, "hre --quick --only e")])
+def test_command_is_that_of_the_run(small: Outcome, quick: bool, command: str) -> None:
+    entry = ledger.judge(replace(small, quick=quick)).entries[0]
+    assert entry["command"] == f"refsim reproduce {command}"
 
 
 def test_uncommitted_run_differs(small: Outcome) -> None:

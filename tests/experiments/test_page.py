@@ -140,6 +140,7 @@ def test_every_experiment_is_whole(soup: BeautifulSoup) -> None:
             link["href"] for link in section.find_all("a")
         }
         pictures = section.find_all("img")
+        assert [picture.parent["href"] for picture in pictures] == ([one["picture"]] if one["picture"] else [])
         assert [picture["alt"] for picture in pictures] == ([one["alt"]] if one["picture"] else [])
         assert all(picture["width"] == "96" and picture["loading"] == "lazy" for picture in pictures)
         assert f"Rays of {one['id']} , 64² & more." in words(section)
