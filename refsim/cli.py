@@ -19,7 +19,7 @@ from pathlib import Path
 
 import click
 
-from refsim.cli_options import Size, method_options
+from refsim.cli_options import Place, Size, method_options
 from refsim.errors import InputError
 
 WRONG = 1
@@ -70,9 +70,7 @@ def commands(ctx: click.Context) -> None:
 @click.argument("method")
 @click.argument("scene")
 @click.option("--size", type=Size(), default="256", show_default=True, metavar="N|WxH", help="Size in pixels.")
-@click.option(
-    "--out", type=click.Path(path_type=Path), metavar="FILE", help="The PNG to write; SCENE.png if not given."
-)
+@click.option("--out", type=Place(), metavar="FILE", help="The PNG to write; SCENE.png if not given.")
 @method_options
 @as_json
 def render(method: str, scene: str, size: tuple[int, int], out: Path | None, as_json: bool, **options: object) -> None:
@@ -131,7 +129,7 @@ def scenes(ctx: click.Context, as_json: bool) -> None:
 
 @scenes.command()
 @click.argument("names", nargs=-1, required=True, metavar="NAME...")
-@click.option("--to", type=click.Path(path_type=Path), metavar="FOLDER", help="Where the meshes go.")
+@click.option("--to", type=Place(), metavar="FOLDER", help="Where the meshes go.")
 @click.option("--force", is_flag=True, help="Replace a file of that name that is not the mesh.")
 def fetch(names: tuple[str, ...], to: Path | None, force: bool) -> None:
     """Fetch real meshes from their original archives.
@@ -174,7 +172,7 @@ def doctor(ctx: click.Context, as_json: bool) -> None:
 @click.option("--only", multiple=True, metavar="ID", help="One figure or table; may be given several times.")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=Place(),
     metavar="DIR",
     help="Where pictures and the CSV behind each go; figures, or figures-quick with --quick, if not given.",
 )
@@ -251,6 +249,12 @@ def refuse(message: str) -> int:
     return CANNOT
 
 
+def explained(error: OSError) -> str:
+    """The system's refusal in words, with the file if it names one; a full disk behind stdout has no name."""
+    reason = error.strerror or str(error) or type(error).__name__
+    return f"{error.filename!r}: {reason}" if error.filename else reason
+
+
 def run(arguments: Sequence[str]) -> int:
     """Parse, run, and return the exit code; click's own main() would print usage blocks and empty lines of its own."""
     try:
@@ -276,3 +280,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # The reader has gone: nobody is left to tell, not even by the flush at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
+    except OSError as error:
+        return refuse(explained(error))

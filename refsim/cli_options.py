@@ -7,6 +7,7 @@ methods.
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -30,6 +31,18 @@ class Size(click.ParamType):
         if width < 1 or height < 1:
             self.fail(f"{value!r} has no pixels; give a size such as 256 or 320x240", param, ctx)
         return width, height
+
+
+class Place(click.Path):
+    """A file or folder to write. An empty name, which Python takes for the working folder, is none."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value == "":
+            self.fail("an empty name is no place to write to; the folder that you are in is '.'", param, ctx)
+        return super().convert(value, param, ctx)
 
 
 class Vector(click.ParamType):

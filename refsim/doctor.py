@@ -16,7 +16,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "trimesh", "matplotlib", "pillow", "rich", "click")
+# What pyproject.toml asks for, and what that brings along and refsim uses too
+PACKAGES = (
+    "numpy", "numba", "llvmlite", "scipy", "trimesh", "matplotlib", "pillow", "rich", "click", "joblib", "jinja2",
+    "markupsafe",
+)  # fmt: skip
 TOOLS = {"gcc": "builds the C loop that benchmarks compare with"}
 
 
@@ -93,11 +97,12 @@ def meshes() -> dict[str, Any]:
 
     folder = scenes_folder()
     found = {name: find_mesh(name) for name in KNOWN_MESHES}
+    different = [name for name, path in found.items() if path and not is_known_file(path)]
     return {
         "folder": None if folder is None else str(folder),
-        "present": [name for name, path in found.items() if path],
+        "present": [name for name, path in found.items() if path and name not in different],
         "missing": [name for name, path in found.items() if not path],
-        "different": [name for name, path in found.items() if path and not is_known_file(path)],
+        "different": different,
     }
 
 

@@ -9,8 +9,8 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +21,32 @@ from refsim.experiments.registry import Case, Row, Rows
 # Where finished rows wait for an interrupted run to go on. Not committed: a fresh checkout measures everything.
 RESUME = ".resume"
 KEY = "refsim-key"
-# A part that a killed writer left is swept when no writer can be at it any more
+# What a killed writer left, by the names that mkstemp gives, is swept when no writer can be at it any more
+PARTS = f".*.{'?' * 8}.part"
 PART_AGE_S = 3600.0
+
+
+@contextmanager
+def refusing(path: Path) -> Iterator[None]:
+    """Turn the system's refusal to write into a sentence about `path`."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot write {str(path)!r}: {error.strerror or type(error).__name__}") from error
+
+
+def new_folder(folder: Path) -> None:
+    """Make `folder` unless it is there, or raise `InputError`."""
+    with refusing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+
+
+def sweep_parts(folder: Path) -> None:
+    """Remove what killed writers left. Other processes may be at it too."""
+    for path in folder.glob(PARTS):
+        with suppress(OSError):
+            if path.stat().st_mtime < time.time() - PART_AGE_S:
+                path.unlink()
 
 
 def make_folder(out: Path) -> None:
@@ -37,21 +61,19 @@ def make_folder(out: Path) -> None:
 
 def replace_file(path: Path, write: Callable[[Path], object]) -> Path:
     """Let `write` fill a temporary file beside `path`, then put it in the place of `path`."""
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    os.close(descriptor)
-    try:
-        write(Path(name))
-        # mkstemp makes files private; a result gets the mode that any new file would have
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(name, 0o666 & ~mask)
-        os.replace(name, path)
-    except OSError as error:
-        Path(name).unlink(missing_ok=True)
-        raise InputError(f"cannot write {str(path)!r}: {error.strerror or type(error).__name__}") from error
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    with refusing(path):
+        descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+        os.close(descriptor)
+        try:
+            write(Path(name))
+            # mkstemp makes files private; a result gets the mode that any new file would have
+            mask = os.umask(0)
+            os.umask(mask)
+            os.chmod(name, 0o666 & ~mask)
+            os.replace(name, path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
     return path
 
 
@@ -94,13 +116,15 @@ def figure_bytes(figure: Any, key: str, dpi: int | None = None) -> bytes:
 
 
 def figure_key(path: Path) -> str | None:
-    """The key that a PNG carries; None without one."""
+    """The key that a whole PNG carries; None without one, or if a checksum in the file says that it is damaged."""
     from PIL import Image
 
     try:
         with Image.open(path) as picture:
+            # Opening reads the head alone, and the key is there: a file that was cut would keep it
+            picture.verify()
             return picture.info.get(KEY)
-    except (OSError, SyntaxError):
+    except (OSError, SyntaxError, ValueError):
         return None
 
 
@@ -109,11 +133,17 @@ def case_name(case: Case) -> str:
     return json.dumps(case, sort_keys=True)
 
 
+def rows_digest(rows: Rows) -> str:
+    """Digest of rows, the same for those that come back from a file."""
+    return hashlib.sha256(json.dumps(rows).encode()).hexdigest()[:32]
+
+
 class Journal:
     """Rows of an experiment's finished cases: a file each, `.resume/<experiment>/<digest of the case>.json`.
 
-    A file holds key, case and rows; rows count as long as `key`, the digest of the sources, does. Whoever has measured
-    a case writes its file, whole or not at all: a process may be killed at any moment, and several may write at once.
+    A file holds key, case, rows and their digest; rows count as long as `key`, the digest of the sources, does, and
+    they are those that were written. Whoever has measured a case writes its file, whole or not at all: a process may be
+    killed at any moment, and several may write at once.
     """
 
     def __init__(self, out: Path, experiment: str, key: str) -> None:
@@ -131,11 +161,9 @@ class Journal:
 
     def keep(self, case: str, rows: Rows) -> None:
         """Note a finished case."""
-        text = json.dumps({"key": self.key, "case": json.loads(case), "rows": rows})
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot write {str(self.folder)!r}: {error.strerror}") from error
+        found = {"key": self.key, "digest": rows_digest(rows), "case": json.loads(case), "rows": rows}
+        text = json.dumps(found)
+        new_folder(self.folder)
         replace_file(self.path(case), lambda part: part.write_text(text, encoding="utf-8"))
 
     def _rows(self, path: Path) -> Rows | None:
@@ -144,14 +172,15 @@ class Journal:
             found = json.loads(path.read_text(encoding="utf-8"))
             rows = found["rows"]
             own = found["key"] == self.key and self.path(case_name(found["case"])) == path
+            whole = found["digest"] == rows_digest(rows)
         except (OSError, ValueError, KeyError, TypeError):
             return None
-        return rows if own and isinstance(rows, list) and all(isinstance(row, dict) for row in rows) else None
+        return rows if own and whole and isinstance(rows, list) and all(isinstance(row, dict) for row in rows) else None
 
     def _sweep(self) -> None:
         """Remove stale and damaged rows, and what killed writers left. Other processes may be at it too."""
-        for path in [*self.folder.glob("*.json"), *self.folder.glob(".*.part")]:
-            with suppress(OSError):
-                abandoned = path.suffix == ".part" and path.stat().st_mtime < time.time() - PART_AGE_S
-                if abandoned or (path.suffix == ".json" and self._rows(path) is None):
+        sweep_parts(self.folder)
+        for path in self.folder.glob("*.json"):
+            if self._rows(path) is None:
+                with suppress(OSError):
                     path.unlink()

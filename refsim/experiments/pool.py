@@ -138,7 +138,7 @@ def _dask(jobs: int) -> Iterator[tuple[Executor, int]]:
         try:
             client = stack.enter_context(Client(address))
             client.wait_for_workers(1, timeout=FIRST_WORKER_S)
-        except (OSError, TimeoutError) as error:
+        except (OSError, ValueError, TypeError) as error:  # the last two of what is no address, or lacks certificates
             raise InputError(f"no Dask worker answers: {error}") from error
         executor = client.get_executor(pure=False)
         stack.callback(executor.shutdown, wait=False)

@@ -25,7 +25,9 @@ from refsim.experiments.files import (
     csv_text,
     figure_key,
     make_folder,
+    new_folder,
     replace_file,
+    sweep_parts,
     write_csv,
 )
 from refsim.experiments.fingerprint import plot_key, rows_key
@@ -75,6 +77,8 @@ def reproduce(
     jobs = checked(jobs, backend)
     check_scenes_folder()
     make_folder(out)
+    for folder in (out, out / TIMINGS):
+        sweep_parts(folder)
     run = _Run(asked, quick, outcome or Outcome(quick, out), indices=only is None)
     return _files(run, progress or silent, jobs, backend, complete=topic is None and only is None)
 
@@ -166,6 +170,9 @@ class _Run:
         self.unwritten = [experiment for own in asked.values() for experiment in own]
         self.unindexed = [name for name, own in asked.items() if own] if indices else []
         self.written: set[str] = set()
+        # Refused now rather than when all is measured
+        for experiment in self.unwritten:
+            new_folder(self._folder(experiment))
         known = {experiment.id: experiment for own in topics.TOPICS.values() for experiment in own}
         names = {name for e in self.unwritten for name in (e.id, *e.needs)}
         self.needed = {name: experiment for name, experiment in known.items() if name in names}
@@ -173,7 +180,7 @@ class _Run:
         self.journals = {name: Journal(outcome.out, name, rows_key(e)) for name, e in self.needed.items()}
         self.found = {name: journal.finished(self.cases[name]) for name, journal in self.journals.items()}
         for name, experiment in self.needed.items():
-            self.journals[name].folder.mkdir(parents=True, exist_ok=True)
+            new_folder(self.journals[name].folder)
             if not experiment.timed:
                 self._add(experiment)
 
@@ -250,7 +257,6 @@ class _Run:
         with explained(f"the tables of {experiment.id}"):
             tables = dict(experiment.tables_of(rows, others))
         self.outcome.tables[experiment.id] = tables
-        self._folder(experiment).mkdir(exist_ok=True)
         for stem, table in tables.items():
             yield write_csv(self._folder(experiment) / f"{stem}.csv", table)
         if experiment.plot is None:

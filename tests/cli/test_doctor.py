@@ -2,7 +2,8 @@
 
 - A sound machine gives 0; a missing run-time package, no place for kernels, no folder of meshes give 1 and a sentence.
 - The OpenGL witness is named with its version, or absent with a reason: no package, no driver. None is a problem.
-- Each real mesh is present or missing, and the known file or another, by what lies in REFSIM_SCENES; none is a problem.
+- All packages that the project depends on are looked for.
+- Each real mesh is present, missing or another file of that name, by what lies in REFSIM_SCENES; none is a problem.
 - Every scene of the library is listed with the triangles it really has, and so is every mesh in the folder.
 """
 
@@ -11,12 +12,16 @@ from __future__ import annotations
 import importlib
 import importlib.metadata
 import json
+import re
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 import refsim
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_sound_machine(refsim_main) -> None:
@@ -48,6 +53,13 @@ def test_missing_package_is_a_problem(refsim_main, monkeypatch: pytest.MonkeyPat
     answer = refsim_main("doctor")
     assert answer.code == 1
     assert "the package scipy is not installed" in answer.out
+
+
+def test_every_dependency_is_looked_for(refsim_main) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    needed = {re.split(r"[^\w-]", line)[0] for line in project["dependencies"]}
+    assert {"numpy", "joblib", "jinja2", "markupsafe"} <= needed
+    assert needed <= set(json.loads(refsim_main("doctor", "--json").out)["packages"])
 
 
 def test_no_place_for_kernels_is_a_problem(refsim_main, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,7 +113,7 @@ def test_meshes_are_present_or_missing(here: Path, refsim_main, monkeypatch: pyt
     assert found() == {**nothing, "folder": str(here)}
     (here / "bunny.ply").write_text("not the known rabbit")
     rest = [name for name in nothing["missing"] if name != "bunny"]
-    assert found() == {"folder": str(here), "present": ["bunny"], "missing": rest, "different": ["bunny"]}
+    assert found() == {"folder": str(here), "present": [], "missing": rest, "different": ["bunny"]}
 
 
 def test_folder_of_meshes_that_is_none_is_a_problem(refsim_main, monkeypatch: pytest.MonkeyPatch) -> None:

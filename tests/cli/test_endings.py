@@ -2,15 +2,18 @@
 
 - Help and version go to stdout with exit code 0, and load neither NumPy nor numba.
 - A refusal is one line whatever it quotes; Ctrl-C is one line and 130; a bug keeps its traceback.
+- What the system refuses, and an output that takes nothing, are one line and 2.
 - A reader that went away is nothing to talk about.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -82,6 +85,28 @@ def test_reader_that_went_away(arguments: tuple[str, ...]) -> None:
     done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, env=environment())
     os.close(writer)
     assert (done.returncode, done.stderr) == (141, "")
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("scenes",), ("doctor", "--json")])
+def test_output_that_takes_nothing(arguments: tuple[str, ...], tmp_path: Path) -> None:
+    (tmp_path / "out").touch()
+    # A file that is open for reading alone refuses as a full disk does, on every system
+    with (tmp_path / "out").open() as out:
+        command = [sys.executable, "-m", "refsim", *arguments]
+        done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, text=True, env=environment())
+    assert (done.returncode, done.stderr) == (2, "refsim: Bad file descriptor\n")
+
+
+def test_the_system_s_refusal_is_one_line(refsim_main, monkeypatch: pytest.MonkeyPatch) -> None:
+    for error, sentence in (
+        (PermissionError(errno.EACCES, "Permission denied", "a.ply"), "'a.ply': Permission denied"),
+        (OSError(errno.ENOSPC, "No space left on device"), "No space left on device"),
+        (OSError("file 'a.ply'\nends early"), "file 'a.ply' ends early"),
+        (OSError(), "OSError"),
+    ):
+        monkeypatch.setattr(refsim, "render", Mock(side_effect=error))
+        answer = refsim_main("render", "ray_engine", "room")
+        assert (answer.code, answer.out, answer.err) == (2, "", f"refsim: {sentence}\n")
 
 
 def environment() -> dict[str, str]:

@@ -5,7 +5,8 @@
   none, leaves no worker behind, and in the end has written what an undisturbed run writes.
 - Ctrl-C is exit code 130 and no worker left.
 - A case that fails, and a worker that dies, are one sentence that names the case; what is finished is kept.
-- The cluster that Dask's configuration names is the one that works; one that does not answer is one sentence.
+- The cluster that Dask's configuration names is the one that works; one that does not answer is one
+  sentence, and so is an address that is none.
 - Where workers cannot see the folder, the rows are kept where they arrive.
 - Timed experiments run alone, after the others, in the process that was started; what they write lies apart.
 """
@@ -194,6 +195,17 @@ def test_cluster_of_the_configuration(tmp_path: Path, monkeypatch: pytest.Monkey
     nobody = {"scheduler-address": "tcp://127.0.0.1:9", "distributed.comm.timeouts.connect": "200ms"}
     with dask.config.set(nobody), pytest.raises(InputError, match=r"no Dask worker answers: .*127\.0\.0\.1:9"):
         list(reproduce(out=tmp_path / "other", backend="dask"))
+
+
+def test_address_that_is_none_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # In processes of their own: Dask leaves its configuration in pieces when it refuses an address
+    for address, reason in (("foo://bar:1", "'foo'"), ("tcp://nonsense", "'nonsense'"), ("tls://127.0.0.1:9", "TLS")):
+        monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", address)
+        run = start("good", tmp_path / "out", tmp_path / "log", 2, "dask")
+        _, errors = run.communicate(timeout=60)
+        last = errors.decode().splitlines()[-1]
+        assert run.returncode == 2 and last.startswith("refsim: no Dask worker answers: ") and reason in last
+        assert b"Traceback" not in errors and noted(tmp_path / "log") == []
 
 
 def test_rows_are_kept_where_they_arrive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,7 @@
 - A run that is interrupted between cases goes on behind the last finished one; a second run measures nothing.
 - Rows are measured again when the code that computes them, or the case, has changed; damaged rows are no rows, of that
   case alone; what is stale is swept.
-- An interrupted write leaves the older file and no other; a picture is drawn again only for other rows.
+- An interrupted write leaves the older file and no other; a picture is drawn again only for other rows, or damaged.
 - Experiments of several topics may be chosen; without a topic there are all.
 - Unknown papers, experiments, backends and numbers, and a folder that cannot be written, are refused before anything is
   measured.
@@ -92,7 +92,9 @@ def test_interrupted_run_goes_on(counted, tmp_path: Path, monkeypatch: pytest.Mo
     assert len(counted) == 5 and written(tmp_path)["figure-7.csv"] == whole
 
 
-@pytest.mark.parametrize("damage", ["", "{", "[]", '{"key": "other"}', "key", "case", "rows", "row"])
+@pytest.mark.parametrize(
+    "damage", ["", "{", "[]", '{"key": "other"}', "key", "case", "rows", "row", "number", "digest"]
+)
 def test_stale_or_damaged_rows_are_no_rows(damage: str, counted, tmp_path: Path) -> None:
     list(reproduce("hre", out=tmp_path))
     whole = written(tmp_path)
@@ -100,7 +102,9 @@ def test_stale_or_damaged_rows_are_no_rows(damage: str, counted, tmp_path: Path)
     found = json.loads(path.read_text())
     changes = {
         "key": {**found, "key": "0" * 32}, "case": json.loads(other.read_text()), "rows": {**found, "rows": None},
-        "row": {**found, "rows": [7]},
+        "row": {**found, "rows": [7], "digest": files.rows_digest([7])},
+        "number": {**found, "rows": [{**row, "tests": row["tests"] + 1} for row in found["rows"]]},
+        "digest": {name: value for name, value in found.items() if name != "digest"},
     }  # fmt: skip
     path.write_text(json.dumps(changes[damage]) if damage in changes else damage)
     list(reproduce("hre", out=tmp_path))
@@ -112,18 +116,25 @@ def test_what_nobody_reads_again_is_swept(counted, tmp_path: Path) -> None:
     list(reproduce("hre", out=tmp_path))
     files_there = journal_files(tmp_path)
     folder = files_there[0].parent
-    stale, quick, old, young = (folder / name for name in ("a.json", "b.json", ".a.json.x.part", ".b.json.y.part"))
+    stale = folder / "a.json"
+    (tmp_path / "timings").mkdir()
+    places = (folder, tmp_path, tmp_path / "timings")
+    old, young = ([place / f".a.csv.{name}.part" for place in places] for name in ("abcdefgh", "ijklmnop"))
+    # By their names these are nobody's parts
+    others = [tmp_path / name for name in ("a.csv.abcdefgh.part", ".a.part")]
     found = json.loads(files_there[0].read_text())
     stale.write_text(json.dumps({**found, "key": "0"}))
     # Rows of another size of run stay: its cases are others, its sources the same
     journal = files.Journal(tmp_path, "figure-7", found["key"])
     quick = journal.path(files.case_name({"size_px": 99}))
     journal.keep(files.case_name({"size_px": 99}), [])
-    for part, age in ((old, files.PART_AGE_S + 60), (young, 0.0)):
-        part.touch()
-        os.utime(part, (time.time() - age,) * 2)
+    for parts, age in ((old, files.PART_AGE_S + 60), (young, 0.0), (others, files.PART_AGE_S + 60)):
+        for part in parts:
+            part.touch()
+            os.utime(part, (time.time() - age,) * 2)
     list(reproduce("hre", out=tmp_path))
-    assert (stale.exists(), quick.exists(), old.exists(), young.exists()) == (False, True, False, True)
+    assert (stale.exists(), quick.exists()) == (False, True)
+    assert [part.exists() for part in (*old, *young, *others)] == [False] * 3 + [True] * 5
     assert len(counted) == 5
 
 
@@ -177,6 +188,21 @@ def test_picture_is_drawn_for_other_rows_only(tmp_path: Path, monkeypatch: pytes
     assert len(drawn) == 2 and drawn[0] > drawn[1]
 
 
+@pytest.mark.parametrize("damage", ["cut", "a byte"])
+def test_damaged_picture_is_drawn_again(damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cases = TINY["errata"].cases(True)[:3]
+    monkeypatch.setattr(topics, "TOPICS", {"hre": (replace(TINY["errata"], cases=lambda quick: cases),)})
+    list(reproduce("hre", out=tmp_path))
+    path = tmp_path / "errata.png"
+    whole = path.read_bytes()
+    key, middle = files.figure_key(path), len(whole) // 2
+    changed = whole[:2000] if damage == "cut" else whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
+    path.write_bytes(changed)
+    assert len(whole) > 4000 and key is not None and files.figure_key(path) is None
+    list(reproduce("hre", out=tmp_path))
+    assert path.read_bytes() == whole and files.figure_key(path) == key
+
+
 def test_csv_reads_back(tmp_path: Path) -> None:
     rows = [{"a": 1, "b": 2.5, "c": "text, with a comma"}, {"a": -3, "b": 0.1, "c": ""}]
     assert files.read_csv(files.write_csv(tmp_path / "t.csv", rows)) == rows
@@ -225,8 +251,19 @@ def test_several_experiments_of_several_topics(counted, tmp_path: Path) -> None:
     assert set(written(tmp_path / "all")) == names
 
 
-def test_folder_that_is_a_file_is_refused(counted, tmp_path: Path) -> None:
-    (tmp_path / "out").touch()
-    with pytest.raises(InputError, match="out"):
+@pytest.mark.parametrize("name", ["out", "out/.resume", "out/.resume/figure-7", "out/timings"])
+def test_folder_that_is_a_file_is_refused(name: str, counted, tmp_path: Path) -> None:
+    (experiment,) = topics.TOPICS["hre"]
+    topics.TOPICS["hre"] = (experiment, replace(experiment, id="clock", timed=True))
+    path = tmp_path / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.touch()
+    with pytest.raises(InputError, match=rf"cannot write .*{tmp_path / 'out'}.*(File exists|Not a directory)"):
         reproduce("hre", out=tmp_path / "out")
-    assert counted == []
+    assert counted == [] and path.is_file()
+
+
+def test_file_in_no_folder_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "gone" / "table.csv"
+    with pytest.raises(InputError, match=f"cannot write '{path}': No such file or directory"):
+        files.write_csv(path, [{"a": 1}])
