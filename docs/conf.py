@@ -30,6 +30,8 @@ nb_custom_formats = {".md": "python_blocks.read"}
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
+# No block keeps a reader who builds the pages waiting for longer than this (seconds; the limit is one block's, not a
+# page's). The tests build with 900: on a machine that other work shares, slow is not wrong; no test judges by a clock.
 nb_execution_timeout = 60
 nb_merge_streams = True
 nb_execution_excludepatterns = ["index.md"]

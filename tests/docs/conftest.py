@@ -26,7 +26,7 @@ class Build(NamedTuple):
 
 @pytest.fixture(scope="session")
 def docs_build(tmp_path_factory: pytest.TempPathFactory) -> Build:
-    """The build, whether it went well or not. A block may take longer than a page allows: other tests run beside it."""
+    """The build, whether it went well or not. A block may take longer than `conf.py` grants it, which says why."""
     folder = tmp_path_factory.mktemp("docs")
     html, warnings = folder / "html", folder / "warnings.txt"
     command = [

@@ -61,6 +61,9 @@ def test_continuous_integration_runs_the_readme() -> None:
     assert tests == f"{setup}'.[test]' && .venv/bin/python -m pytest -n auto --maxprocesses 8 --dist loadfile"
 
 
+EXAMPLES = blocks("python")
+
+
 @pytest.mark.parametrize(
     ("place", "first", "last"),
     [
@@ -68,16 +71,23 @@ def test_continuous_integration_runs_the_readme() -> None:
         (1, r"\d+ points, [1-9]\d+ fragments", r".*first: \d+"),
         (2, r"6 triangles culled, 6 drawn, 1\d\d\d fragments$", r".* fragments"),
         (3, r"62 points emitted, 12 without room$", r"\(\[-0\.96875, .*1\.0? *\], 0\.03125\)"),
+        (4, r"0 9216 rays shot; \d+ of 36864 records captured$", r"2 \d+ rays shot; \d+ of 36864 records captured"),
+        (5, r"1 lists: \d+ nodes for 9216 eye rays and", r"8 lists: \d+ nodes for 9216 eye rays and \d+ shadow rays"),
     ],
 )
 def test_readme_examples_run(tmp_path: Path, place: int, first: str, last: str) -> None:
     script = tmp_path / "example.py"
-    script.write_text(blocks("python")[place])
+    script.write_text(EXAMPLES[place])
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert re.match(first, lines[0]) and re.fullmatch(last, lines[-1])
+
+
+def test_every_readme_example_has_its_row() -> None:
+    (rows,) = (mark for mark in test_readme_examples_run.pytestmark if mark.name == "parametrize")
+    assert [place for place, _, _ in rows.args[1]] == list(range(len(EXAMPLES)))
 
 
 def test_readme_counters_exist() -> None:

@@ -4,7 +4,9 @@ Python itself is played by a small script that notes how it is called, so nothin
 
 - No Python, an old one, one without venv, a failed installation: one sentence, exit code 2, and no stamp.
 - Sound: venv, installation, doctor, reproduce, in this order and in the script's own folder; parameters are passed on.
-- Again: nothing is installed, unless the code is newer or the installation was cut off; a failed run's code is kept.
+- Again: nothing is installed, unless the code is newer, the installation was cut off or the folder moved; a failed
+  run's code is kept.
+- PYTHON is one word, and a relative REFSIM_SCENES is counted from where the script was called.
 """
 
 from __future__ import annotations
@@ -34,9 +36,10 @@ case "$1 $2" in
 esac
 """
 COMMAND = """#!/usr/bin/env bash
+[ "$1" != --version ] || exit 0
 echo "refsim $*" >> "$NOTES"
 if [ "$1" = doctor ]; then echo "  meshes missing  bunny"; exit 1; fi
-echo "in $PWD"
+echo "in $PWD with ${REFSIM_SCENES:-no folder}"
 exit "${DIFFERS:-0}"
 """
 
@@ -92,6 +95,29 @@ def test_newer_code_is_installed(machine: Machine) -> None:
     machine.run()
     os.utime(machine.code, (4_000_000_000, 4_000_000_000))
     assert (machine.run().returncode, machine.done()) == (0, INSTALLS + RUNS)
+
+
+def test_a_moved_folder_is_installed_anew(machine: Machine) -> None:
+    """What pip writes names the interpreter by its path, which leads nowhere once the folder has another name."""
+    machine.run()
+    program = machine.checkout / ".venv" / "bin" / "refsim"
+    program.write_text(f"#!{machine.checkout.parent}/before/.venv/bin/python\n")
+    assert os.access(program, os.X_OK)
+    assert (machine.run().returncode, machine.done()) == (0, INSTALLS + RUNS)
+
+
+def test_a_python_in_a_folder_with_a_space(machine: Machine) -> None:
+    named = machine.checkout / "python of mine"
+    named.write_text(PYTHON)
+    named.chmod(0o755)
+    assert (machine.run(PYTHON=str(named)).returncode, machine.done()[0]) == (0, "python of mine venv")
+
+
+@pytest.mark.parametrize("scenes", ["meshes of mine", "../meshes", "", "ABSOLUTE"])
+def test_meshes_are_found_from_where_one_is(machine: Machine, scenes: str) -> None:
+    folder = scenes.replace("ABSOLUTE", str(machine.checkout))
+    meant = str(machine.path / folder) if folder else "no folder"
+    assert f"in {machine.checkout} with {meant}\n" in machine.run(REFSIM_SCENES=folder).stdout
 
 
 def test_compiled_kernels_are_no_newer_code(machine: Machine) -> None:
