@@ -168,7 +168,8 @@ def test_a_reading_fits_within_a_quarter(factor: float, verdict: str) -> None:
 
 
 def test_heads_turn() -> None:
-    heads = {"part": "summary", "scene": "s", "ground": 0, "more_percent": 0.0, "most_more": 0, "nodes_with": 80.0}
+    heads = {"part": "summary", "scene": "s", "ground": 0, "more_percent": 0.0, "most_more": 0, "nodes_with": 80.0,
+             "no_node_percent": 20.0}
     rows = [
         {**heads, "rays": rays, "lists": lists, "head_rule": rule, "change_percent": change, "heads": kind,
          "screen_cells": cells, "nodes_with": left}
@@ -187,6 +188,10 @@ def test_heads_turn() -> None:
     assert told("frustum") == ["holds"] * 2 * len(CELLS)
     assert told("frustum", {"change_percent": -1.0}, screen_cells=CELLS[0], head_rule="leaf") == (
         ["fails"] + ["holds"] * (2 * len(CELLS) - 1)
+    )
+    assert told("eye rays of some part") == ["holds"] * len(CELLS)
+    assert told("eye rays of some part", {"no_node_percent": 0.0}, screen_cells=CELLS[0]) == (
+        ["fails"] + ["holds"] * (len(CELLS) - 1)
     )
     assert told("per-polygon") == ["holds"] * 2
     assert told("per-polygon", {"change_percent": 1.0}, heads="regular", head_rule="climb") == ["holds", "fails"]
