@@ -43,11 +43,12 @@ def _legend(axes: Any, looks: dict[str, tuple[str, str]]) -> None:
     """Scenes, and the two ways a mark is drawn."""
     style.no_frame(axes)
     marks = [axes.plot([], [], marker, color=color, label=name)[0] for name, (color, marker) in looks.items()]
-    ways = [
-        axes.plot([], [], "o", color=style.INK, fillstyle=fill, label=label)[0]
-        for fill, label in WAYS
-    ]
-    first = axes.legend(handles=marks, loc="upper left", fontsize=8.5, ncols=2, title="scene", alignment="left")
+    ways = [axes.plot([], [], "o", color=style.INK, fillstyle=fill, label=label)[0] for fill, label in WAYS]
+    # Two columns of names in the width of a panel
+    first = axes.legend(
+        handles=marks, loc="upper left", fontsize=7.5, ncols=2, columnspacing=1.0, handletextpad=0.4, title="scene",
+        alignment="left",
+    )  # fmt: skip
     axes.add_artist(first)
     axes.legend(handles=ways, loc="lower left", fontsize=8.5, title="mark", alignment="left")
 

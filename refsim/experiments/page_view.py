@@ -233,6 +233,6 @@ def _fails_at(sensitivity: Row | None) -> str:
     if sensitivity is None:
         return ""
     bad = [row for row in sensitivity["settings"] if row["holds"] == "no"]
-    named = list(dict.fromkeys(f"{row['parameter']} {row['setting']}" for row in bad))
+    named = list(dict.fromkeys(f"{row['parameter']}: {row['setting']}" for row in bad))
     more = " and others" if len(named) > FEW_FAILS else ""
     return "; ".join(named[:FEW_FAILS]) + more

@@ -152,7 +152,7 @@ def test_every_experiment_is_whole(soup: BeautifulSoup) -> None:
 def test_a_claim_says_what_it_depends_on(soup: BeautifulSoup) -> None:
     said = words(soup.find(id="hre.tests"))
     assert "150 M tests/s" in said and "150.7 M tests/s" in said and "2 percent, for two digits" in said
-    assert "Holds at 2 of 3 settings, from 0.5 to 4.625 (times)" in said and "Fails at camera far & <near>" in said
+    assert "Holds at 2 of 3 settings, from 0.5 to 4.625 (times)" in said and "Fails at camera: far & <near>" in said
     assert "12.5 · 30 (× 0.5 to 0.75 of what is printed)" in words(soup.find(id="gsr.table-1"))
     assert "25 · 40 percent" in words(soup.find(id="gsr.table-1"))
     assert "12 percent" in words(soup.find(id="hre.text")) and "at most 20 percent" in words(soup.find(id="hre.text"))

@@ -70,6 +70,7 @@ def test_the_program_runs(ran: dict[str, Any], capsys: pytest.CaptureFixture[str
     apart = ran["apart"]
     assert apart["together"].issued == apart["vertex"].issued + apart["geometry"].issued
     assert ran["shares"](trace.counters)["vertex"] > 50.0
+    assert ran["wrong"].pop(0.25) == 0 and all(count > 500 for count in ran["wrong"].values())
 
 
 def test_options_are_all_there() -> None:
