@@ -11,6 +11,7 @@ import csv
 import importlib
 import pkgutil
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +77,14 @@ def test_options_are_all_there() -> None:
 
 
 def test_errata_and_rules_are_all_there() -> None:
-    assert tuple(row[0].strip("`") for row in rows("erratum", "as printed", "what is right, or open")) == NAMES
+    errata = [row[0].strip("`") for row in rows("erratum", "as printed", "what is right, or open")]
+    assert errata == [f"BSH-E{number}" for number in range(1, len(errata) + 1)]
+    # All that the ledger knows; those that can be switched on are named before the table
+    ledger = tomllib.loads((ROOT / "refsim" / "experiments" / "claims" / "bsh.toml").read_text(encoding="utf-8"))
+    assert set(errata) >= {claim["erratum"] for claim in ledger["claim"] if "erratum" in claim}
+    assert set(re.findall(r"BSH-E\d+|\bE9\b", PAGE.partition("`errata=\"as_printed\"`")[2].partition("\n\n")[0])) == {
+        NAMES[0], *(name.removeprefix("BSH-") for name in NAMES[1:])
+    }  # fmt: skip
     rules = rows("`culling`", "leaves out", "lists", "safe")
     assert tuple(row[0].strip("`") for row in rules) == RULES
     assert tuple(row[0].strip("`") for row in rules if row[3].startswith("yes")) == SAFE
