@@ -2,8 +2,8 @@
 
 `"corrected"` (default) corrects all, `"as_printed"` none. Anything else lists the errata to take as printed while the
 others are corrected: `"BSH-E5"`, `"BSH-E5,BSH-E9"` or a sequence of such names. BSH-E1 and E2 are the culling rules
-(`culling`); E3, E4, E6 and E7 are statements about numbers; E8 is the threshold (`hierarchy`); E10 and E11 are sentences
-that no code follows.
+(`culling`); E3, E4, E6 and E7 are statements about numbers; E8 is the threshold (`hierarchy`); E10 and E11 are
+sentences that no code follows.
 """
 
 from __future__ import annotations
