@@ -18,7 +18,7 @@ from refsim.experiments.runs import HIERARCHICAL, fill_of, run
 from refsim.reference import cone
 from refsim.reference.cone_steps import Step, steps
 from refsim.reference.tiles import Tiles
-from refsim.reference.vector import cross, dot, length
+from refsim.reference.vector import angle
 
 SCENES = ("torus_knot_1024", "blob_1000", "sphere_896")
 GENERATIONS = (1, 2)
@@ -83,7 +83,7 @@ def shows(cones: cone.Cones, way: Vectors) -> Vectors:
     """How well cones and a direction that they do not hold can be drawn: the half-angle, what the direction is outside
     by, or what both lack to a right angle, whichever is least; degrees."""
     with np.errstate(invalid="ignore"):
-        phi, theta = np.arctan2(cones.sin, cones.cos), np.arctan2(length(cross(cones.axis, way)), dot(cones.axis, way))
+        phi, theta = cone.half_angle(cones), angle(cones.axis, way)
     least = np.minimum(np.minimum(phi, theta - phi), np.pi / 2 - theta)
     return np.degrees(np.where(cones.state == cone.BOUNDED, least, 0.0))
 

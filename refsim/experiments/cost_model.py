@@ -51,7 +51,7 @@ def model_rows(subject: Subject) -> Rows:
                 "prices": len(model),
                 "rows": len(subject.rows),
                 "degrees_of_freedom": len(subject.rows) - len(model),
-                "condition": round(fitting.condition(subject.rows, model), 3),
+                "condition": fitting.condition(subject.rows, model),
                 "prices_at_bound": sum(fitted.at_bound),
                 **_both("fit", seen),
                 **_both("left_out", unseen),

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 # its lists by 5 to 15 percent: past a quarter a prediction could not even tell neighbouring rows of a table apart
 LIMIT = 25.0
 PREDICTS, FITS, NONE = "predicts", "fits but does not predict", "no model"
+SINGULAR = "singular"
 LARGEST_MODEL = 3
 Model = tuple[str, ...]
 Array = NDArray[np.float64]
@@ -75,11 +76,13 @@ def errors(rows: Sequence[Observation], found: Array) -> Array:
     return np.asarray(100.0 * (found - printed) / printed)
 
 
-def condition(rows: Sequence[Observation], model: Model) -> float:
-    """Condition number of what the fit solves, columns of length 1: how far counters can be told apart."""
+def condition(rows: Sequence[Observation], model: Model) -> float | str:
+    """Condition number of what the fit solves, columns of length 1: how far counters can be told apart; SINGULAR where
+    they cannot in doubles, whose last bits are all that such a number would show."""
     relative = _matrix(rows, model) / _printed(rows)[:, None]
     lengths = np.linalg.norm(relative, axis=0)
-    return float(np.linalg.cond(relative / np.where(lengths == 0.0, 1.0, lengths)))
+    found = float(np.linalg.cond(relative / np.where(lengths == 0.0, 1.0, lengths)))
+    return round(found, 3) if found * np.finfo(np.float64).eps < 1.0 else SINGULAR
 
 
 def groups(rows: Sequence[Observation]) -> list[str]:

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from refsim.experiments import construction, style
 from refsim.experiments.construction import about, columns, degrees, digits
 from refsim.experiments.figure_2_plot import plot_steps
 from refsim.experiments.registry import Experiment, Row, Rows
-from refsim.reference.cone import BOUNDED, Cones
+from refsim.reference.cone import BOUNDED, Cones, half_angle
 from refsim.reference.cone_steps import Step, extension
-from refsim.reference.vector import cross, dot, length
+from refsim.reference.vector import angle
 
 TURN = 1e-7  # radians: what float64 leaves of an angle that is had from a sine and a cosine
 
@@ -43,12 +41,12 @@ def _row(number: int, step: Step, k: int) -> Row:
     return {
         "step": number,
         **columns(x=old.axis[0], r=r[0], q=way.q[0], e=way.e[0]),
-        "phi_deg": degrees(_half_angle(old)[0]),
+        "phi_deg": degrees(half_angle(old)[0]),
         "theta_deg": degrees(way.theta[0]),
         "cos_phi": digits(float(old.cos[0])),
         "sin_phi": digits(float(old.sin[0])),
         **columns(x_new=new.axis[k]),
-        "phi_new_deg": degrees(_half_angle(new)[k]) if bounded else "",
+        "phi_new_deg": degrees(half_angle(new)[k]) if bounded else "",
         "state": "bounded" if bounded else "unbounded",
     }
 
@@ -57,19 +55,15 @@ def _row_of(cones: Cones, k: int) -> Cones:
     return Cones(*(part[k : k + 1] for part in cones))
 
 
-def _half_angle(cones: Cones) -> Any:
-    return np.arctan2(cones.sin, cones.cos)
-
-
 def _counts(taken: list[Step]) -> Row:
     wider, forgotten, outside, unbounded = [], [], [], []
     for step in taken:
         old, new = step.before, step.wider
         theta = extension(old, step.r).theta
         held = step.extended & (new.state == BOUNDED)
-        phi, phi_new = _half_angle(old), _half_angle(new)
-        turn = np.arctan2(length(cross(new.axis, old.axis)), dot(new.axis, old.axis))
-        to_ray = np.arctan2(length(cross(new.axis, step.r)), dot(new.axis, step.r))
+        phi, phi_new = half_angle(old), half_angle(new)
+        turn = angle(new.axis, old.axis)
+        to_ray = angle(new.axis, step.r)
         wider.append(held & (phi_new > 0.5 * (phi + theta) + TURN))
         forgotten.append(held & (turn + phi > phi_new + TURN))
         outside.append(held & (to_ray > phi_new + TURN))

@@ -15,7 +15,7 @@ from refsim.experiments import construction, style
 from refsim.experiments.construction import ROUNDING, about, columns, degrees, digits
 from refsim.experiments.figure_3_plot import plot_steps
 from refsim.experiments.registry import Experiment, Row, Rows
-from refsim.reference.cone import Cones, mirrored
+from refsim.reference.cone import Cones, half_angle, mirrored
 from refsim.reference.cone_steps import Step, Translation, gap, translation
 from refsim.reference.vector import cross, dot, length
 
@@ -68,7 +68,7 @@ def _row(number: int, step: Step, one: Moved, k: int) -> Row:
     return {
         "step": number,
         **columns(a=cones.apex[k], x=cones.axis[k]),
-        "phi_deg": degrees(np.arctan2(cones.sin[k], cones.cos[k])),
+        "phi_deg": degrees(half_angle(cones)[k]),
         **columns(p=step.p[k], c=way.c[k], q=way.q[k], e=way.e[k], n=way.n[k], g=way.g[k]),
         "t": digits(float(way.t[k])),
         **columns(a_new=way.a_new[k], a_printed=way.a_printed[k]),

@@ -106,7 +106,7 @@ def normal_cones(found: Trace, before: Generation, tile_px: int) -> NDArray[Any]
     unit = normal * (facing / np.where(size > 0, size, 1.0))[:, None]
     live = (tiles.pixels >= 0) & (before.hits.triangle >= 0)[tiles.pixels]
     cones = cone.build(np.zeros((*tiles.pixels.shape, 3)), unit[tiles.pixels], live)[0]
-    return np.degrees(np.arctan2(cones.sin, cones.cos))
+    return np.degrees(cone.half_angle(cones))
 
 
 def compared(rows: Rows) -> Rows:

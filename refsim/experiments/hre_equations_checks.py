@@ -18,8 +18,8 @@ from refsim.experiments.hre_equations_kernels import step_cones
 from refsim.geometry.cone import Printed
 from refsim.jit import specialise
 from refsim.reference import cone as twin
-from refsim.reference.cone import BOUNDED, UNBOUNDED, Cones, Errata
-from refsim.reference.vector import cross, dot, length, normalise
+from refsim.reference.cone import BOUNDED, Cones, Errata, half_angle
+from refsim.reference.vector import angle, cross, dot, length, normalise
 
 ANGLE = 1e-6  # radians; float64 leaves 1e-8 of what an arccosine near 1 is asked
 OUTSIDE = 1e-3  # radians: a bundle's ray that is further out is lost, whatever rounding does
@@ -82,16 +82,6 @@ def steps_differ(count: int, step: int, names: tuple[str, ...]) -> int:
             differs |= bits_differ(np.ascontiguousarray(ours), np.ascontiguousarray(theirs))
         total += number(differs)
     return total
-
-
-def angle(a: Vectors, b: Vectors) -> Vectors:
-    """Between vectors, radians, exact near 0 and 180 degrees."""
-    return np.asarray(np.arctan2(length(cross(a, b)), dot(a, b)))
-
-
-def half_angle(cones: Cones) -> Vectors:
-    """Radians; 180 degrees of an unbounded cone."""
-    return np.where(cones.state == UNBOUNDED, np.pi, np.arctan2(cones.sin, cones.cos))
 
 
 def condition(count: int) -> Found:
@@ -242,7 +232,7 @@ def lost(count: int, printed: Errata) -> int:
     p, r, live = _bundles(count)
     cones, slack = twin.build(p, r, live, printed)
     out = np.zeros(len(p), np.bool_)
-    phi = np.arctan2(cones.sin, cones.cos)[:, None]
+    phi = half_angle(cones)[:, None]
     with np.errstate(all="ignore"):
         for t in AT:
             c = p + r * t - cones.apex[:, None]

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from refsim.experiments.equations import Found, bits_differ, number
-from refsim.experiments.hre_equations_checks import ANGLE, angle, doubled, drawn, half_angle, printed_only, unit
+from refsim.experiments.hre_equations_checks import ANGLE, doubled, drawn, printed_only, unit
 from refsim.experiments.hre_equations_kernels import test_spheres
 from refsim.geometry.sphere import enclosing_spheres
 from refsim.jit import specialise
 from refsim.reference import cone as twin
 from refsim.reference import sphere as sphere_twin
-from refsim.reference.cone import Errata
-from refsim.reference.vector import length
+from refsim.reference.cone import Errata, half_angle
+from refsim.reference.vector import angle, length
 from refsim.results import Trace
 
 # Of distance and radius: the corrected test lets in what float32 may miss, 2⁻¹⁸ of both

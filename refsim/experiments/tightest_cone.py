@@ -97,7 +97,7 @@ def _row(
     wide = np.array([t is None or bool(np.cos(t.half_angle) <= cone.WIDEST_COS) for t in tight])
     bounded = cones.state == cone.BOUNDED
     both = np.flatnonzero(bounded & ~wide)
-    angle = np.arctan2(cones.sin, cones.cos)
+    angle = cone.half_angle(cones)
     pairs = [(angle[i], cones.apex[i], t) for i in both if (t := tight[i]) is not None]
     ratio = np.array([a / t.half_angle for a, _, t in pairs])
     shift = np.array([np.linalg.norm(at - t.apex) / size for _, at, t in pairs])

@@ -77,6 +77,11 @@ def unbounded(cones: Cones) -> Cones:
     )
 
 
+def half_angle(cones: Cones) -> np.ndarray:
+    """Radians, float64 as in `vector.angle`; 180 degrees of an unbounded cone."""
+    return np.asarray(np.where(cones.state == UNBOUNDED, np.pi, np.arctan2(cones.sin, cones.cos, dtype=np.float64)))
+
+
 def outside(z: np.ndarray, w: np.ndarray, cos: np.ndarray, sin: np.ndarray) -> np.ndarray:
     """Angle atan2(w, z) > phi, by sin(angle - phi), or by its cosine past 90 degrees."""
     return (w * cos - z * sin > 0) | ((z * cos + w * sin < 0) & (z < 0))
@@ -117,11 +122,11 @@ def turned_direction(
     difference = cos_theta * cos + sin_theta * sin
     total = cos_theta * cos - sin_theta * sin
 
-    def half_angle(value: np.ndarray) -> np.ndarray:
+    def root(value: np.ndarray) -> np.ndarray:
         return np.sqrt(np.where(value * half > 0, value * half, x.dtype.type(0)))
 
-    x_new = x * half_angle(1 + difference)[:, None] + u * half_angle(1 - difference)[:, None]
-    return x_new, -half_angle(1 + total), half_angle(1 - total)
+    x_new = x * root(1 + difference)[:, None] + u * root(1 - difference)[:, None]
+    return x_new, -root(1 + total), root(1 - total)
 
 
 def extend(cones: Cones, r: np.ndarray, printed: Errata = CORRECTED) -> Cones:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from refsim.reference.cone import BOUNDED, Cones, choose, direction_away, empty, extend, include, outside
-from refsim.reference.vector import cross, dot, length
+from refsim.reference.vector import angle, cross, dot, length
 
 
 class Step(NamedTuple):
@@ -83,7 +83,7 @@ def extension(cones: Cones, r: np.ndarray) -> Extension:
     with np.errstate(all="ignore"):
         q = direction_away(cones.axis, r, dot(cones.axis, r))
     e = cones.axis * cones.cos[:, None] + q * cones.sin[:, None]
-    return Extension(q, e, np.arctan2(length(cross(cones.axis, r)), dot(cones.axis, r)))
+    return Extension(q, e, angle(cones.axis, r))
 
 
 def translation(cones: Cones, p: np.ndarray, product_norm: bool = False) -> Translation:

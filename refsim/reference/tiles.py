@@ -68,6 +68,6 @@ class TileCones:
     def result(self) -> Cones:
         """As a generation carries them."""
         c = self.cones
-        angle = np.arctan2(c.sin, c.cos)
+        angle = cone.half_angle(c).astype(c.cos.dtype)
         angle[c.state == TileState.EMPTY] = 0.0
         return Cones(c.apex, c.axis, angle, c.state, self.slack, self.tiles.columns, self.tiles.rows, self.tiles.size)

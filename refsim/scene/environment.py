@@ -161,9 +161,11 @@ class Equirectangular(Environment):
     def radiance(self, x: Float32, y: Float32, z: Float32) -> Float32:
         """The four nearest pixels, weighted."""
         height, width = self.image.shape[:2]
-        column = (np.arctan2(x, -z) * np.float32(0.5 / math.pi) + np.float32(0.5)) * np.float32(width) - np.float32(0.5)
+        # Arc tangents in float64, rounded once: those of float32 have other bits on other processors
+        around = np.arctan2(x, -z, dtype=np.float64).astype(np.float32)
+        column = (around * np.float32(0.5 / math.pi) + np.float32(0.5)) * np.float32(width) - np.float32(0.5)
         # arctan2 keeps its accuracy at the poles, where an arc cosine of y would not.
-        polar = np.arctan2(np.sqrt(x * x + z * z), y)
+        polar = np.arctan2(np.sqrt(x * x + z * z), y, dtype=np.float64).astype(np.float32)
         row = polar * np.float32(height / math.pi) - np.float32(0.5)
         row = np.clip(row, np.float32(0.0), np.float32(height - 1))
         left, top = np.floor(column), np.floor(row)

@@ -76,6 +76,13 @@ def test_known_prices_come_back(price, seed):
     assert fitting.best(rows, NAMES, free) == NAMES
 
 
+def test_counters_that_follow_from_each_other_have_no_condition():
+    rows = observations([1.0] * 12, 1)
+    assert 1.0 < fitting.condition(rows, NAMES) < 20.0
+    twice = [row._replace(counters={**row.counters, NAMES[1]: 2.0 * row.counters[NAMES[0]]}) for row in rows]
+    assert fitting.condition(twice, NAMES) == fitting.SINGULAR
+
+
 @settings(max_examples=60, deadline=None, derandomize=True, database=None)
 @given(st.lists(st.floats(1e-3, 1e3), min_size=8, max_size=8), st.floats(0.0, 5.0))
 def test_no_price_is_under_its_bound(times, bound):

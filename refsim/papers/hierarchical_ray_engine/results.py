@@ -113,7 +113,8 @@ def cones_of(target: Framebuffer, tile_size: int) -> Cones:
     """The cone texture as rows."""
     apex, axis = target.color("apex").reshape(4, -1), target.color("axis").reshape(4, -1)
     state = target.color("state").reshape(-1).copy()
-    angle = np.arctan2(axis[3], apex[3])
+    # In float64, rounded once: an arc tangent of float32 has other bits on other processors
+    angle = np.arctan2(axis[3], apex[3], dtype=np.float64)
     angle[state == TileState.EMPTY] = 0.0
     return Cones(
         np.ascontiguousarray(apex[:3].T),
